@@ -147,15 +147,15 @@ class Search:
         here, again = (np.hstack([t.at(time + s)[0] for t in tracks]) for s in (0.0, shift))
         return float(np.mean((again - here) ** 2)) < _REPEATS**2 * float(np.mean(np.var(here, 0)))
 
-    def judged(self, lags: Sequence[Peak]) -> list[Candidate]:
-        """The lags with the misfit of the balance there."""
+    def judged(self, lags: Sequence[Peak], time: FloatArray | None = None) -> list[Candidate]:
+        """The lags with the misfit of the balance there; time : instants, default all of a lag."""
         if self.balance is None or not lags:
             return [Candidate(peak) for peak in lags]
         found, taken = [], self.balance.parameters
-        times = [self._instants(peak.lag, _INSTANTS) for peak in lags]
-        shift = [np.full(len(time), peak.lag) for peak, time in zip(lags, times, strict=True)]
-        for peak, time, model in zip(lags, times, self.balance.fit(times, shift), strict=True):
-            rows = 6.0 * float(time[-1] - time[0]) / self.correlation_time if model else 0.0
+        times = [self.instants(peak.lag) if time is None else time for peak in lags]
+        shift = [np.full(len(own), peak.lag) for peak, own in zip(lags, times, strict=True)]
+        for peak, own, model in zip(lags, times, self.balance.fit(times, shift), strict=True):
+            rows = 6.0 * float(own[-1] - own[0]) / self.correlation_time if model else 0.0
             free, misfit = rows - taken, np.inf
             if model and free >= 0.25 * taken:
                 misfit = model.misfit * float(np.sqrt(rows / free))
@@ -169,7 +169,7 @@ class Search:
         span = min(self.spans[late] for _, late in told)
         return correlation_time([track for track, _ in told], span)
 
-    def _instants(self, lag: float, most: int) -> FloatArray:
+    def instants(self, lag: float, most: int = _INSTANTS) -> FloatArray:
         """Instants of the first clock, from its begin, at which both recorders run."""
         begin, end = max(0.0, -lag), min(self.spans[0], self.spans[1] - lag)
         if end <= begin:
@@ -190,7 +190,7 @@ class Search:
     def refined(self, candidate: Candidate, name: str) -> RecorderClock:
         """The clock with offset and rate by the balance during the moves."""
         slowest, drift = max(self.first.period, self.second.period), self.prior.rate_std
-        time = self._instants(candidate.lag, _DENSE)
+        time = self.instants(candidate.lag, _DENSE)
         middle = 0.5 * float(time[0] + time[-1])
         line: FloatArray = np.array([candidate.lag, 0.0])
         told = _WIDTH if candidate.peak.r >= _LIKE else _UNKNOWN

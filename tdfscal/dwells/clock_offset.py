@@ -118,7 +118,8 @@ def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> 
     """Say by how many s the forces of one recording come after its positions, if it is many.
 
     By the balance at the lags that bring the moves together; None where no other lag is far
-    better than none. time : (N,), s. position, force : (N, n, 3), m and N, of all supports.
+    better than none, for the same forces and the same positions too: a lag may pass by a stretch
+    in which a channel dropped out. time : (N,), s. position, force : (N, n, 3), m and N.
     """
     tracks, begin, step = [], float(time[0]), float(np.median(np.diff(time)))
     for kind, values in enumerate((position, force)):
@@ -130,7 +131,10 @@ def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> 
     search = Search(tracks[0], tracks[1], ClockPrior())
     found = search.judged([Peak(0.0, 0.0, search.spans[0]), *search.candidates()])
     best = min(found, key=lambda candidate: candidate.misfit)
-    together = min(c.misfit for c in found if abs(c.lag) <= SAME)
+    near, paired = [c for c in found if abs(c.lag) <= SAME], search.instants(best.lag)
+    for own in (paired, paired + best.lag):
+        near += search.judged([c.peak for c in near], own)
+    together = min(c.misfit for c in near)
     if not (np.isfinite(together) and is_clear(best, together)):
         return None
     behind = search.refined(best, "").offset

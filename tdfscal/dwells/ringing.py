@@ -25,6 +25,7 @@ from tdfscal.significance import RINGING_PER_LOG
 
 _STOPS = 40  # that the mode is looked for in
 _FEWEST = 5
+_USUAL, _MOST = 0.75, 5.0  # quantile of what the stops show, and what one counts at most, in it
 _SHORTEST = 8  # bins
 _LONGEST = 12.0  # s of a stop that are looked at
 _SLOWEST, _CONSTANTS = 5.0, 8  # s; time constants tried
@@ -157,10 +158,9 @@ class _Products:
 def _explained(
     stops: Sequence[FloatArray], decays: Sequence[complex], memory: Memory
 ) -> FloatArray:
-    """Sum of squares of all stops (A, N) that each decay explains, (G,)."""
+    """Sum of squares of each of S stops (A, N) that each decay explains, (S, G)."""
     waves = _waves(decays, max(stop.shape[1] for stop in stops), memory)
-    explained = [_Products.of(waves, stop, memory).explained for stop in stops]
-    return np.asarray(np.sum(explained, axis=(0, 2)))
+    return np.array([_Products.of(waves, stop, memory).explained.sum(axis=1) for stop in stops])
 
 
 def _likeliest(stops: Sequence[FloatArray], width: float, memory: Memory) -> complex | None:
@@ -175,12 +175,25 @@ def _likeliest(stops: Sequence[FloatArray], width: float, memory: Memory) -> com
     forth = [stop[:, :most] for stop in stops]
     begins = _explained(forth, decays, memory)
     ends = _explained([stop[:, ::-1][:, :most] for stop in stops], decays, memory)
+    usual = _weights(np.maximum(begins, ends)) == 1.0
+    begins, ends = (np.sum(explained, axis=0, where=usual) for explained in (begins, ends))
     best = int(np.argmax(begins - ends))
     # As many independent numbers as stops, shapes and sensors: the axes of one may move as one.
-    dof = len(stops) * (1 if decays[best].imag == 0 else 2) * max(len(stops[0]) / 3.0, 1.0)
+    dof = (
+        usual[:, best].sum() * (1 if decays[best].imag == 0 else 2) * max(len(stops[0]) / 3.0, 1.0)
+    )
     if fdtrc(dof, dof, begins[best] / max(ends[best], 1e-300)) > RINGING_PER_LOG:
         return None
-    return _refined(forth, decays[best], memory)
+    return _refined([forth[k] for k in np.flatnonzero(usual[:, best])], decays[best], memory)
+
+
+def _weights(shown: FloatArray) -> FloatArray:
+    """What each stop counts, by what it shows (S, G): none for much more than is usual.
+
+    A step in one stop, of a signal that dropped out, would else be a mode of all.
+    """
+    most = _MOST * np.quantile(shown, _USUAL, axis=0)
+    return np.divide(most, shown, out=np.ones_like(shown), where=shown > most)
 
 
 def _memory(stops: Sequence[FloatArray], decay: complex) -> list[tuple[float, FloatArray]]:
@@ -189,12 +202,13 @@ def _memory(stops: Sequence[FloatArray], decay: complex) -> list[tuple[float, Fl
     From the later halves of the stops (A, N), without the decay.
     """
     waves = _waves([decay], max(stop.shape[1] for stop in stops), ())
-    lags, count = np.zeros(_MEMORY + 1), 0
-    for stop in stops:
+    each, count = np.zeros((len(stops), _MEMORY + 1)), 0
+    for own, stop in zip(each, stops, strict=True):
         rest = _Products.of(waves, stop, ()).rest[:, stop.shape[1] // 2 :]
         rest = rest - rest.mean(axis=1, keepdims=True)
-        lags += [np.sum(rest[:, k:] * rest[:, : rest.shape[1] - k]) for k in range(_MEMORY + 1)]
+        own[:] = [np.sum(rest[:, k:] * rest[:, : rest.shape[1] - k]) for k in range(_MEMORY + 1)]
         count += rest.size
+    lags = np.sum(_weights(each[:, :1]) * each, axis=0)
     if np.abs(lags[1:]).max() <= _WHITE * lags[0] / np.sqrt(count):
         return []
     lag = np.arange(_MEMORY)
@@ -225,7 +239,7 @@ def _refined(stops: Sequence[FloatArray], decay: complex, memory: Memory) -> com
     for _ in range(_ROUNDS):
         tried = at + step * around
         decays = [complex(np.exp(x[0]), x[1] if len(x) > 1 else 0.0) for x in tried]
-        explained = _explained(stops, decays, memory)
+        explained = _explained(stops, decays, memory).sum(axis=0)
         best, top = around[np.argmax(explained)], _top_of_parabola(around, explained)
         if top is None or (np.abs(top) > 1.0).any():
             top = best
@@ -273,7 +287,8 @@ def _in_all_stops(
     # does not explain has to.
     variance = np.minimum(np.median(back, axis=0) / rank, np.median(rough, axis=0))
     variance = np.maximum(variance, noise**2)
-    explained = (seen * np.linalg.solve(gram, seen)).sum(axis=1) - rank * variance
+    explained = (seen * np.linalg.solve(gram, seen)).sum(axis=1)
+    explained = _weights(explained) * explained - rank * variance
     size = np.trace(gram, axis1=1, axis2=2).sum()
     prior = np.maximum(explained.sum(axis=0), 0.0) / size
     amplitude = np.zeros((len(first), 2, len(value)))
