@@ -80,6 +80,7 @@ def rigs_apart(found: Sequence[Finding], code: str, **values: Value) -> Finding:
     """Return all that tells two rigs apart as one finding."""
     differences = "; ".join(sentence(finding) for finding in found)
     values["exchanged"] = all(finding.code == "sensor-exchanged" for finding in found)
+    values["framed"] = any(finding.values.get("framed") for finding in found)
     return Finding(code, values={**values, "differences": differences})
 
 

@@ -169,14 +169,16 @@ sensor-exchanged notes
 rig-constant notes
   the {what}{of: of ~|} is {other} {unit} instead of {own} {unit}
 rigs-differ refuses
-  this is another rig than that of {first}: {differences}
+  this is another {framed:LCS|rig} than that of {first}: {differences}
   -> {exchanged:another sensor is mounted in another way: calibrate anew and go on from there, or
     correct the serial number|campaigns of one rig state the same supports, hinges and
-    uncertainties; correct the rig file, or calibrate the rigs one by one}
+    uncertainties; {framed:copy the first one's rig.yaml to the others, since each
+    draft's LCS leans as its own log does|correct the rig file, or calibrate the rigs one by one}}
 rig-uncalibrated refuses
-  this rig is not the one that was calibrated: {differences}
+  this {framed:LCS|rig} is not the one that was calibrated: {differences}
   -> {exchanged:another sensor is mounted in another way: calibrate anew, or correct the serial
-    number|correct the rig file (hinges and load in the same LCS), or calibrate this rig}
+    number|{framed:name the calibration's own rig.yaml (--rig FILE), since each draft's LCS leans as
+    its own log does|correct the rig file (hinges and load in the same LCS), or calibrate this rig}}
 linear-axis-missing refuses
   the sensor of {subject} does not measure {axis}, and the linear method needs every component
   -> calibrate by maximum likelihood (--estimator ml)

@@ -84,7 +84,9 @@ def _differing(
         _, than, own = theirs[what, of]
         bound = 0.0 if exact else np.hypot(std, own)
         if what in which and not _agree(value, than, bound):
-            found += (_differs(what, of, unit, value, than),)
+            differs = _differs(what, of, unit, value, than)
+            framed = what == "hinge" and not _distances(first, other)
+            found += (replace(differs, values={**differs.values, "framed": framed}),)
     return found
 
 
@@ -96,14 +98,18 @@ def other_rig(first: Rig, other: Rig) -> tuple[Finding, ...]:
     sensors in the BCS, whichever LCS a rig file has.
     """
     found = _differing(first, other, ("gravity",))
+    return (*found, *_distances(first, other)) if first.supports == other.supports else found
+
+
+def _distances(first: Rig, other: Rig) -> list[Finding]:
+    """Distances between hinges that two rig files with the same supports state differently."""
     # Of the difference of two places, along the line that joins them.
-    std = np.sqrt(2.0) * np.hypot(first.declared.hinge, other.declared.hinge)
-    same = first.supports == other.supports
-    for i, j in combinations(range(first.n), 2) if same else ():
+    std, found = np.sqrt(2.0) * np.hypot(first.declared.hinge, other.declared.hinge), []
+    for i, j in combinations(range(first.n), 2):
         own, given = (np.linalg.norm(rig.hinge[i] - rig.hinge[j]) for rig in (first, other))
         if not _agree(own, given, std):
             names = f"{first.supports[i]} to {first.supports[j]}"
-            found += (_differs("distance of the hinges", names, "m", own, given),)
+            found.append(_differs("distance of the hinges", names, "m", own, given))
     return found
 
 

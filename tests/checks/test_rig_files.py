@@ -66,6 +66,10 @@ def test_a_rig_is_one_in_whichever_frame_its_terminal_is_drawn() -> None:
     """The angles are the sensors' in the BCS; hinges apart otherwise are another rig's."""
     drawn = RIG.hinge @ so3.exp(np.array([0.3, -0.2, 1.1])).T + [0.1, -0.2, 0.3]
     assert other_rig(RIG, replace(RIG, hinge=drawn)) == ()
+    for code in ("rig-uncalibrated", "rigs-differ"):  # one rig file serves all campaigns
+        for hinges, one in ((drawn, True), (drawn * 1.01, False)):
+            found = different_constants(RIG, replace(RIG, hinge=hinges))
+            assert ("own log" in cure(rigs_apart(found, code, first="a"))) == one
     way = (drawn[1] - drawn[0]) / np.linalg.norm(drawn[1] - drawn[0])
     limit = CONTRADICTION * 2.0 * STDS["hinge"]  # a distance of two places, in either file
     for by, differing in ((0.98 * limit, 0), (1.02 * limit, 1)):
