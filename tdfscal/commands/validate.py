@@ -179,9 +179,7 @@ def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
 def _known_noise(use: InUse) -> KnownNoise:
     """What the calibration found of the noise."""
     fit = use.calibration.fit
-    if fit is None:
-        return AS_STATED
-    if use.calibration.motion is not None:  # its noise is that of samples in motion
+    if fit is None or use.calibration.motion is not None:  # that is of samples in motion
         return AS_STATED
     return KnownNoise(max(1.0, fit.birge), fit.dof)
 

@@ -113,15 +113,13 @@ def validation_document(
     turns = zip(("rx", "ry", "rz"), v.detectable.T, strict=True)
     return layout.document(
         v,
-        "holds chi2 dof",
-        p_value=v.judged.p_value,
-        search_p_value=v.judged.search_p,
+        "holds chi2 dof p_value=judged.p_value search_p_value=judged.search_p "
+        "chi2_noise_dof=judged.noise_dof",
         verdict=_verdict(v)[0],
         why=" ".join(_why(v, findings)),
         decided_by="search" if v.decided_by_search else "chi2",
         search_limit=VALIDATION_SEARCH,
         chi2_limit=VALIDATION_CHI2,
-        chi2_noise_dof=v.judged.noise_dof,
         false_alarm=VALIDATION_ALARM,
         **parts,
         **{name: w.model_dump() for name, w in _residual(v).items()},
