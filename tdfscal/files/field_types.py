@@ -31,7 +31,7 @@ UNKNOWN = "unknown"
 
 
 LARGEST = 1e60
-"""Of all numbers in a file."""
+"""Of all numbers in a file; of what a rig file states, its inverse is the smallest beside 0."""
 LengthUnit = Literal["m", "cm", "mm", "um", "in"]
 """Of point files."""
 
@@ -78,6 +78,16 @@ def _as_number(given: Any) -> Any:
     return value
 
 
+def _as_stated(given: Any) -> Any:
+    """Return a number; refused is besides what is 0 when it is squared, and is not 0."""
+    value = _as_number(given)
+    if isinstance(value, (int, float)) and 0 < abs(value) < 1 / LARGEST:
+        raise fault(
+            f"is below any quantity, got {value!r:.20}", hint="check the number, or write 0"
+        )
+    return value
+
+
 def from_numpy(value: Any) -> Any:
     """Return numpy arrays and scalars as lists and numbers, all else as it is."""
     return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
@@ -97,7 +107,7 @@ def measured_only(values: FloatArray, axes: BoolArray) -> FloatArray:
 
 def _std(given: Any) -> Any:
     # `.inf` is text in JSON, which has no infinity.
-    value = math.inf if given in (UNKNOWN, ".inf") else _as_number(given)
+    value = math.inf if given in (UNKNOWN, ".inf") else _as_stated(given)
     if isinstance(value, str):
         what = f"must be a number or `{UNKNOWN}`, got {value!r:.40}"
         raise fault(what, hint="correct the value")
@@ -143,6 +153,11 @@ _triple, _open = BeforeValidator(_three), BeforeValidator(none_where_open)
 Number = TypeAliasType("Number", Annotated[_Finite, _number])
 Positive = TypeAliasType("Positive", Annotated[_Finite, Field(gt=0), _number])
 NotNegative = TypeAliasType("NotNegative", Annotated[_Finite, Field(ge=0), _number])
+Amount = TypeAliasType("Amount", Annotated[_Finite, Field(ge=0), BeforeValidator(_as_stated)])
+PositiveAmount = TypeAliasType(
+    "PositiveAmount", Annotated[_Finite, Field(gt=0), BeforeValidator(_as_stated)]
+)
+"""As a rig file states them."""
 Probability = TypeAliasType("Probability", Annotated[_Finite, Field(ge=0, le=1), _number])
 Coverage = TypeAliasType("Coverage", Annotated[_Finite, Field(gt=0, lt=1), _number])
 PositiveCount = TypeAliasType("PositiveCount", Annotated[int, Field(strict=True, gt=0), _plain])

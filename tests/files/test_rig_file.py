@@ -184,8 +184,9 @@ FAULTS = [
     ),
     ("{force: 5.0, torque: 3.0, ", "{", "acceptance.contact", "neither force nor torque"),
     ("name: Rotor-hub rig", 'name: ""', "name", "empty"),
-    # Its square overflows where the noise is worked out.
+    # Their squares overflow, or are 0, where the noise is worked out.
     ("positioner: 1.0e-5", "positioner: 1e99", "uncertainty.positioner", "beyond any quantity"),
+    ("positioner: 1.0e-5", "positioner: 1e-160", "uncertainty.positioner", "below any quantity"),
 ]
 
 

@@ -16,12 +16,12 @@ from pydantic import (
 
 from tdfscal.files.field_types import (
     UNKNOWN,
+    Amount,
     Date,
     Label,
     Matrix3,
     Name,
-    NotNegative,
-    Positive,
+    PositiveAmount,
     PositiveVector,
     Quantity,
     Sha256,
@@ -51,7 +51,7 @@ _FARTHEST = 100.0
 class Mass(Quantity):
     """Mass of the terminal with all it carries, kg."""
 
-    value: Positive = key("kg")
+    value: PositiveAmount = key("kg")
     std: Std = key("kg: standard uncertainty; 0 exact, .inf unknown")
 
 
@@ -84,8 +84,8 @@ class Barycenter(VectorQuantity):
 class Gravity(Strict):
     """Gravity along −Z of the BCS: magnitude in m/s², tilt_std in rad per horizontal axis."""
 
-    magnitude: Positive = key("m/s²: along −Z of the BCS", 9.80665)
-    tilt_std: NotNegative = key("rad: levelness of the BCS, per horizontal axis", 0.0)
+    magnitude: PositiveAmount = key("m/s²: along −Z of the BCS", 9.80665)
+    tilt_std: Amount = key("rad: levelness of the BCS, per horizontal axis", 0.0)
 
 
 def check_inertia(matrix: FloatArray) -> None:
@@ -201,21 +201,19 @@ class Support(Strict):
 class Compliance(Strict):
     """What gives between encoder and hinge, m/N, as a standard uncertainty about none."""
 
-    lateral: NotNegative = key("m/N: sideways", 0.0)
-    vertical: NotNegative = key("m/N: along Z of the BCS", 0.0)
+    lateral: Amount = key("m/N: sideways", 0.0)
+    vertical: Amount = key("m/N: along Z of the BCS", 0.0)
 
 
 class Uncertainty(Strict):
     """Standard uncertainties that the log's own scatter cannot show."""
 
-    positioner: NotNegative = key("m: repeatability of an NCP, per axis and posture", 0.0)
-    hinge: NotNegative = key("m: each coordinate of each hinge", 0.0)
-    datum: NotNegative = key("m: constant offset of an NCP's servo coordinates, per axis", 0.0)
-    force_noise: NotNegative = key(
-        "N: per axis and posture, beyond the standard error of the mean", 0.0
-    )
-    force_sensitivity: NotNegative = key("relative gain and crosstalk of a sensor", 0.0)
-    hinge_moment: NotNegative = key("N·m: friction of the hinges, per axis and posture", 0.0)
+    positioner: Amount = key("m: repeatability of an NCP, per axis and posture", 0.0)
+    hinge: Amount = key("m: each coordinate of each hinge", 0.0)
+    datum: Amount = key("m: constant offset of an NCP's servo coordinates, per axis", 0.0)
+    force_noise: Amount = key("N: per axis and posture, beyond the standard error of the mean", 0.0)
+    force_sensitivity: Amount = key("relative gain and crosstalk of a sensor", 0.0)
+    hinge_moment: Amount = key("N·m: friction of the hinges, per axis and posture", 0.0)
     compliance: Compliance = block("what gives between encoder and hinge", Compliance)
 
 
@@ -224,15 +222,15 @@ class Drift(Strict):
 
     time: Std = key("N/h: standard uncertainty of a slope in time", 0.0)
     temperature: Std = key("N/K: standard uncertainty of a slope against log.temperature", 0.0)
-    walk: NotNegative = key("N/√h: intensity of a random walk", 0.0)
-    angle: NotNegative = key("rad/√month: random walk of the angles between campaigns", 0.0)
+    walk: Amount = key("N/√h: intensity of a random walk", 0.0)
+    angle: Amount = key("rad/√month: random walk of the angles between campaigns", 0.0)
 
 
 class Contact(Strict):
     """Limit of the contact wrench's error at a posture of the terminal: N, N·m, rad."""
 
-    force: Positive | None = key("N: length of the force's error", None)
-    torque: Positive | None = key("N·m: length of the torque's error", None)
+    force: PositiveAmount | None = key("N: length of the force's error", None)
+    torque: PositiveAmount | None = key("N·m: length of the torque's error", None)
     rpy: Angles = key("rad: that posture of the terminal", (0.0, 0.0, 0.0))
 
     @model_validator(mode="after")
@@ -245,9 +243,11 @@ class Contact(Strict):
 class AcceptanceBlock(Strict):
     """Limits of the quality gate; angles in rad."""
 
-    angle_std: Positive = key("rad: largest standard uncertainty of an angle", 5.0e-3)
-    identifiable: Positive = key("rad: above it an angle counts as not determined (exit 4)", 0.05)
-    birge_max: Positive = key("largest Birge ratio", 2.0)
+    angle_std: PositiveAmount = key("rad: largest standard uncertainty of an angle", 5.0e-3)
+    identifiable: PositiveAmount = key(
+        "rad: above it an angle counts as not determined (exit 4)", 0.05
+    )
+    birge_max: PositiveAmount = key("largest Birge ratio", 2.0)
     contact: Contact | None = key(
         "limit of the contact wrench's error at a posture, guard-banded", None
     )

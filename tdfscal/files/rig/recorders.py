@@ -16,9 +16,9 @@ from pydantic import (
 )
 
 from tdfscal.files.field_types import (
+    Amount,
     LengthUnit,
     Name,
-    NotNegative,
     Quantity,
     Strict,
     Text,
@@ -170,7 +170,7 @@ class ClockBlock(Strict):
     offset: Annotated[Quantity, WithStd] = block(
         "s: quantity; std: unknown finds it", Quantity, value=0.0, std=math.inf
     )
-    rate_std: NotNegative = key("relative: standard uncertainty of its rate", CLOCK_RATE_STD)
+    rate_std: Amount = key("relative: standard uncertainty of its rate", CLOCK_RATE_STD)
 
     def record(self) -> ClockPrior:
         """Return it as a record."""
@@ -319,9 +319,9 @@ def _check_known(names: Sequence[str], given: Sequence[str], *place: str | int) 
 class InstrumentBlock(Strict):
     """Standard uncertainties of a spherical instrument: m, ppm of the range, arcseconds."""
 
-    range: NotNegative = key("m: constant part of the range")
-    range_ppm: NotNegative = key("ppm: part that grows with the range")
-    angle_arcsec: NotNegative = key("″: each angle")
+    range: Amount = key("m: constant part of the range")
+    range_ppm: Amount = key("ppm: part that grows with the range")
+    angle_arcsec: Amount = key("″: each angle")
 
     @model_validator(mode="after")
     def _not_perfect(self) -> Self:
@@ -352,8 +352,8 @@ class TrackerBlock(Strict):
     """A laser-tracker survey; drawing in m, misalignment of body against sensing axes in rad."""
 
     instrument: InstrumentBlock = key("standard uncertainties, k = 1")
-    drawing: NotNegative = key("m: nominal points, per coordinate", 0.0)
-    misalignment: NotNegative = key("rad: sensing axes against the sensor's body, per axis", 0.0)
+    drawing: Amount = key("m: nominal points, per coordinate", 0.0)
+    misalignment: Amount = key("rad: sensing axes against the sensor's body, per axis", 0.0)
     length_unit: LengthUnit | None = key("of point files that name none: m, cm, mm, um, in", None)
     targets: Targets = key("targets on the sensors")
     moves: Moves = key("one point on each NCP, moved")
