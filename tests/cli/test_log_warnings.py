@@ -48,35 +48,6 @@ def test_a_warning_is_stored_and_shown_once(campaign: Path, tmp_path: Path, cli:
     assert sum(REPEATED in w for w in texts(validated)) == 1
 
 
-@pytest.mark.parametrize(
-    ("name", "limit", "axis", "capacity"),
-    [("ncp2.fy", 300.0, "y", [3000, 300, 5000]), ("ncp2.fz", 1650.0, "z", None)],
-)
-def test_a_clipped_sensor_is_saturated_and_not_dead(
-    campaign: Path,
-    sample: tdfscal.Calibration,
-    tmp_path: Path,
-    cli: Cli,
-    capacity: list[float] | None,
-    name: str,
-    limit: float,
-    axis: str,
-) -> None:
-    document = yaml.safe_load((campaign / "rig.yaml").read_text())
-    if capacity:
-        document["supports"][1]["capacity"] = capacity
-    (campaign / "rig.yaml").write_text(yaml.safe_dump(document))
-    sample.save(tmp_path / "before.yaml")
-    line = ("calibrate", campaign, "--trials", 0, "--allow-rejected", "-o")
-    edit(campaign, set_to(name, lambda values: np.clip(values, -limit, limit)))
-    for command in ((*line, tmp_path / "c.yaml"), ("validate", tmp_path / "before.yaml", campaign)):
-        seen = cli(*command, "-q")
-        assert "dead" not in seen.err + seen.out
-        assert f"the {axis} axis of the sensor of ncp2 is saturated" in seen.err
-        assert f"{limit:g} N in all" in seen.err
-        assert seen.status == 3
-
-
 def test_a_copy_in_another_format_is_refused(campaign: Path, tmp_path: Path, cli: Cli) -> None:
     table = pq.read_table(campaign / "log.parquet")
     later = set_to("time", lambda time: time + 12345.678)(table)

@@ -14,12 +14,10 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from tdfscal.catalogue import document
 from tdfscal.errors import UsageError
 from tdfscal.exports import FORMATS, cautions, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
-from tdfscal.findings import Finding
 from tdfscal.records import ANGLES
 from tests.cli.running import Cli
 from tests.reporting.samples import (
@@ -179,17 +177,6 @@ def test_exports_of_an_edited_file_say_so(to: str, tmp_path: Path, cli: Cli) -> 
     assert "has no `content_sha256`: it was edited" in said
     assert "certificate of support_2's sensor ended on 2020-01-31" in said
     assert str(content["content_sha256"]) not in said
-
-
-def test_a_provisional_calibration_says_how_many_lines_are_open(tmp_path: Path, cli: Cli) -> None:
-    """The first two of them, and where all stand."""
-    lines = tuple(f"terminal.part{k} (line {k})" for k in range(20))
-    draft = document(Finding("draft-unconfirmed", lines, len(lines)))
-    c = changed(PLAIN, status="provisional", findings=(draft,))
-    done = cli("export", saved(c, tmp_path, "c.yaml"), "--to", "urdf", ends=0)
-    assert "20 lines" in done.err
-    assert [line in done.err for line in lines] == [True, True] + 18 * [False]
-    assert "`findings`" in done.err
 
 
 @pytest.mark.parametrize("name", ["", "1st", "a b", "base\n- x", "ä", '"/><x', "support_1_tdfs"])

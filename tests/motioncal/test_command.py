@@ -14,7 +14,6 @@ from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.reporting.advice import advise
-from tdfscal.reporting.calibration import statistics
 from tests.cli.running import Cli, recorded
 from tests.reporting.samples import sketch
 
@@ -85,19 +84,6 @@ def test_a_sensor_that_turned_before_a_motion_is_named(minute: Path, tmp_path: P
     # The angles are those of now: nothing that was known of the sensor holds them back.
     now, before = (np.array(c.to_dict()["supports"][1]["rotation"]) for c in (updated, known))
     assert np.linalg.norm(so3.log(now @ before.T)) == pytest.approx(0.02, abs=1e-3)
-
-
-def test_a_log_that_was_cut_short_is_told_in_motion_too(tmp_path: Path) -> None:
-    tdfscal.simulate(tmp_path / "a", scenario="motion", format="csv", rate=50.0, seed=4)
-    log = tmp_path / "a" / "log.csv"
-    content = log.read_bytes()
-    log.write_bytes(content[: len(content) // 2 + 7])
-    result = tdfscal.calibrate(tmp_path / "a", trials=0)
-    assert result.motion is not None
-    assert [found.severity for found in result.found("log-truncated")] == ["warns"]
-    said = dict(statistics(result))
-    assert "p" not in said["Fit"].split()  # the spectrum was fitted to the same residuals
-    assert "trials" not in said["Monte Carlo"]
 
 
 def test_supports_too_soft_to_squeeze_show_no_angle(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """`tdfscal apply` and `tdfscal validate` on folders, by the command line."""
 
 import shutil
-import time
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,7 @@ from tdfscal.simulation import (
     simulate_campaign,
 )
 from tdfscal.validation.residual_wrench import Validation
-from tests.cli.running import SAMPLES, Cli
+from tests.cli.running import Cli
 from tests.words import found
 
 USED, HELD = 16, 4
@@ -164,19 +163,6 @@ def test_a_rejected_calibration_passes_no_check(places: Places, cli: Cli, tmp_pa
     assert {each["code"] for each in doubts} >= {"rejected-in-use", "calibration-unsealed"}
     about = pq.read_schema(tmp_path / "w.parquet").metadata
     assert about[b"calibration_status"] == b"rejected"
-
-
-def test_wrenches_need_no_clock_that_is_set_right(cli: Cli, tmp_path: Path) -> None:
-    """A recorder's clock five days ahead: nothing is said of which came first."""
-    folder = Path(shutil.copytree(SAMPLES / "csv", tmp_path / "ahead"))
-    log = pd.read_csv(folder / "log.csv")
-    log["t_s"] += round(time.time()) + 5 * 86_400
-    log.to_csv(folder / "log.csv", index=False)
-    mounted = calibrate([SAMPLES / "csv"], trials=0, output=tmp_path / "c.yaml")
-    assert mounted.status == "accepted"
-    line = ("apply", tmp_path / "c.yaml", folder, "-o", tmp_path / "w.csv", "-q")
-    said = cli.json(*line, ends=0)
-    assert "log-before-calibration" not in {finding["code"] for finding in said["findings"]}
 
 
 def test_a_drift_that_few_postures_tell_in_part(tmp_path: Path) -> None:

@@ -1,12 +1,14 @@
-"""rosbag2's SQLite files and ROS 1 bags, by rosbags' writers: the same samples as in MCAP."""
+"""rosbag2's folders and SQLite files, ROS 1 bags, by rosbags' writers and by hand."""
 
 import sqlite3
 from collections.abc import Callable
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Literal
 
 import pytest
+import yaml
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.typesys import Stores, get_typestore
@@ -22,6 +24,7 @@ from tests.files.logs.log_making import (
     assert_holds,
     events,
     make_truth,
+    mcap_bytes,
     rosbag2,
     write,
 )
@@ -160,3 +163,60 @@ def test_files_that_the_metadata_does_not_list(tmp_path: Path) -> None:
     log = read_log([folder], MAPPING, SUPPORTS)
     assert_holds(log, TRUTH)
     assert any("also holds bag_1.db3" in warning for warning in in_words(log.findings))
+
+
+SPLIT = 36  # of 60 positions, in the first file
+
+
+def part(truth: Truth, begin: int, end: int) -> Truth:
+    forces = slice(4 * begin, 4 * end)
+    return replace(
+        truth,
+        time=truth.time[begin:end],
+        position=truth.position[:, begin:end],
+        force_time=truth.force_time[forces],
+        force=truth.force[:, forces],
+    )
+
+
+def by_hand(folder: Path, **changes: Any) -> Path:
+    """Two files, as after a split; changes: of the metadata's entries."""
+    folder.mkdir()
+    names = ["bag_0.mcap", "bag_1.mcap"]
+    (folder / names[0]).write_bytes(mcap_bytes(part(TRUTH, 0, SPLIT)))
+    (folder / names[1]).write_bytes(mcap_bytes(part(TRUTH, SPLIT, 60)))
+    information = {"version": 9, "storage_identifier": "mcap", "relative_file_paths": names}
+    kept = {key: value for key, value in (information | changes).items() if value is not None}
+    text = yaml.safe_dump({"rosbag2_bagfile_information": kept})
+    (folder / "metadata.yaml").write_text(text)
+    return folder
+
+
+def test_split_in_two(tmp_path: Path) -> None:
+    log = read_log([by_hand(tmp_path / "bag")], MAPPING, SUPPORTS)
+    assert_holds(log, TRUTH)
+    assert in_words(log.findings) == ()
+    assert [entry.integrity for entry in log.inputs] == ["verified"] * 2
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"storage_identifier": "rocksdb"}, "stored as rocksdb.*bag convert"),
+        ({"relative_file_paths": ["bag_0.mcap", "bag_2.mcap"]}, r"lacks bag_2\.mcap\. Copy"),
+        ({"relative_file_paths": []}, "lacks any file"),
+        ({"relative_file_paths": ["bag_0.mcap"] * 2}, "names a file twice"),
+        ({"relative_file_paths": [["bag_0.mcap"]]}, "no description of a rosbag2 recording"),
+        ({"relative_file_paths": 3}, "no description of a rosbag2 recording"),
+        ({"storage_identifier": None}, "no description of a rosbag2 recording"),
+    ],
+)
+def test_metadata_that_is_wrong(tmp_path: Path, changes: dict[str, Any], match: str) -> None:
+    with pytest.raises(DataError, match=match):
+        read_log([by_hand(tmp_path / "bag", **changes)], MAPPING, SUPPORTS)
+
+
+def test_paths_that_carry_the_name_of_the_folder(tmp_path: Path) -> None:
+    """As recorders of metadata version 2 write them."""
+    folder = by_hand(tmp_path / "bag", relative_file_paths=["bag/bag_0.mcap", "bag/bag_1.mcap"])
+    assert_holds(read_log([folder], MAPPING, SUPPORTS), TRUTH)
