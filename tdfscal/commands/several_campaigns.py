@@ -27,11 +27,11 @@ from tdfscal.commands.recordings import (
     refuse_repeated,
 )
 from tdfscal.commands.result import Calibration
-from tdfscal.comparison.history import life_of
+from tdfscal.comparison.history import Life, life_of
 from tdfscal.comparison.members import Recorded
 from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
-from tdfscal.estimation.exact_quantities import exact_quantities
+from tdfscal.estimation.exact_quantities import exact_quantities, with_unmoved
 from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.from_results import from_self
@@ -216,9 +216,13 @@ def calibrate_several(
         month = min(earlier.measured.month, *(one.month for one in recorded))
         recorded.insert(0, replace(earlier.recorded, month=month))
     pooled = pool(recorded)
-    changes, pooled = _changes(read.rig, pooled)
+    life, _ = life_of(read.rig, pooled)
+    changes, pooled = _changes(life, pooled)
     at = pooled.index(read.recorded)
-    informed = replace(read.rig, earlier=pooled.others(read.rig, at))
+    known_before = pooled.others(read.rig, at)
+    if not (read.rig.drift.angle or changes):
+        known_before = with_unmoved(known_before, life.detectable)
+    informed = replace(read.rig, earlier=known_before)
     own = calibrate_informed(read, informed, settings.trials)
     reasons = [*changes, *_lost(pooled, at), *unusable.findings]
     causes = {reason.code for reason in own.reasons}
@@ -299,9 +303,8 @@ def _campaigns(reads: Sequence[Judged], pooled: Pool) -> tuple[CampaignResult, .
     )
 
 
-def _changes(rig: Rig, pooled: Pool) -> tuple[list[Finding], Pool]:
+def _changes(life: Life, pooled: Pool) -> tuple[list[Finding], Pool]:
     """Why the campaigns are not of one state; and the pool, knowing what turned between them."""
-    life, _ = life_of(rig, pooled)
     alarms = life.alarms
     edges = [0, *sorted({alarm.onset for alarm in alarms}), len(life.names)]
     names = short(life.names)

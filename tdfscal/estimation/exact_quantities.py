@@ -22,9 +22,10 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import replace
 from tdfscal.model.dynamics import DELAY
 from tdfscal.model.parameters import layout, parameter_count, prior_std
+from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.records import ExactMoves, FloatArray, Rig
+from tdfscal.records import ExactMoves, FloatArray, JointPrior, Rig
 from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
 
 #: Group of parameters, what it is called, a typical error of a component, its unit; what careful
@@ -43,6 +44,8 @@ _TYPICAL = (
 _TRUSTED = {"zero": 0.5}
 #: Typical error of a delay of the force stamps, s: a sample or two of a fieldbus.
 _DELAY = 1e-3
+UNMOVED = "no turn between campaigns"
+"""What a pool takes as exact where no walk of the angles is declared; its size is a bound."""
 #: What is another in each campaign; all else is the rig's, or its terminal's.
 _OF_THE_CAMPAIGN = "zeros"
 #: What of these is the terminal's, and the code of its finding.
@@ -121,6 +124,26 @@ def _together(one: ExactMoves, other: ExactMoves) -> ExactMoves:
     else:
         other = other.all_apart()
     return replace(one, common=common, apart=np.concatenate([one.apart, other.apart], axis=1))
+
+
+def with_unmoved(prior: JointPrior, smallest: FloatArray) -> JointPrior:
+    """Return what earlier campaigns know, its sensors unmoved since only as far as that was seen.
+
+    smallest : (n, 3), rad, turns of roll, pitch, yaw of which a check is sure; as it is where one
+    has no such turn.
+    """
+    if not np.isfinite(smallest).all():
+        return prior
+    turns = np.linalg.inv(so3.rpy_jacobian(prior.rotation)) * smallest[:, None]
+    n = len(turns)
+    moved = np.zeros((len(prior.vector), n, 3))
+    moved[: 3 * n].reshape(n, 3, n, 3)[np.arange(n), :, np.arange(n)] = turns
+    apart = moved.reshape(len(moved), -1)
+    own = ExactMoves(UNMOVED, float(smallest.max()), "rad", apart[:, :0], apart)
+    found = {one.name: one for one in prior.exact}
+    before = found.get(UNMOVED)
+    found[UNMOVED] = own if before is None else _together(own, before)
+    return replace(prior, exact=tuple(found.values()))
 
 
 def exact_caveats(known: Estimate[F]) -> list[Finding]:

@@ -12,6 +12,7 @@ from tdfscal.catalogue import CATALOGUE, cure
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import rounded, two_digits
+from tdfscal.estimation.exact_quantities import UNMOVED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.findings import Finding
@@ -60,6 +61,7 @@ _STATED_BY = {
     "delay": "log.delay.std",
     "body against axes": "tracker.misalignment",
     "target drawing": "tracker.drawing",
+    UNMOVED: "drift.angle",
 }
 #: What would lower a source in motion, where it is something else.
 _IN_MOTION = {

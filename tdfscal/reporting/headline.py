@@ -11,6 +11,7 @@ import numpy as np
 
 from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import count, quantity, rounded, spans, two_digits, upwards
+from tdfscal.estimation.exact_quantities import UNMOVED
 from tdfscal.estimation.uncertainty import EARLIER
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ExactQuantityResult, LeftOutStretch
@@ -20,7 +21,11 @@ from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.numerics.streams import covered
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Table
-from tdfscal.reporting.traceability import expired_sentence, not_whole_sentence
+from tdfscal.reporting.traceability import (
+    expired_sentence,
+    not_whole_sentence,
+    without_effect,
+)
 
 #: Postures, and quantities taken as exact, named at most; the share of the half width from which on
 #: these are.
@@ -135,13 +140,16 @@ def _not_counted(c: Calibration) -> str:
     """What is taken as exact, with what a typical error of it does, and what all make of ±."""
     if not (each := uncounted(c)[:_QUANTITIES]):
         return ""
-    together = np.sqrt(np.sum([np.square(q.effect) for q in c.taken_as_exact], axis=0))
-    said, counted = list[str](), _bounds(np.hypot(half_widths(c), INTERVAL_FACTOR * together))
+    half = [(1.0 if q.name == UNMOVED else INTERVAL_FACTOR, q.effect) for q in c.taken_as_exact]
+    together = np.sum([np.square(factor * np.array(effect)) for factor, effect in half], axis=0)
+    said, counted = list[str](), _bounds(np.sqrt(np.square(half_widths(c)) + together))
     for q in each:
-        off = ":" if said else " off would move an angle by"
+        off = ":" if said else " off moves an angle by"
         move = rounded(1e3 * np.max(q.effect))
         said.append(f"{_EXACT.get(q.name, q.name)} ({_typical_error(q)}{off} {move} mrad)")
-    first = f"This does not count what the rig file calls exact: {', '.join(said)}"
+    first = f"Taken as exact, not counted: {', '.join(said)}"
+    if others := without_effect(c):
+        first += f", {len(others)} more of unknown effect"
     return f"{first}." if counted == within(c) else f"{first}; if so, reckon with {counted}."
 
 
@@ -162,7 +170,7 @@ def _trusted(c: Calibration) -> Iterator[str]:
         move = math.sqrt(variance) * error / std[0] if 0 < max(std) < error else 0.0
         if min(std) == max(std) and move > _NOTABLE * half_widths(c).max():
             yield (
-                f"The {name} counts as good to {quantity(std[0], unit)}, as stated: "
+                f"The {name} counts as good to {quantity(std[0], unit)}: "
                 f"{quantity(error, unit)} off would move an angle by {rounded(1e3 * move)} mrad."
             )
 

@@ -12,6 +12,7 @@ from typing import Any
 from tdfscal import __version__
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.numbers import probability, rounded
+from tdfscal.estimation.exact_quantities import UNMOVED
 from tdfscal.files.calibration.document import Calibration, file_content, unsealed
 from tdfscal.files.calibration.evidence import ConformityResult
 from tdfscal.files.calibration.parameters import UNCONFIRMED
@@ -24,6 +25,7 @@ from tdfscal.reporting.layout import METHODS, Facts, Section, Table, document, u
 from tdfscal.significance import (
     CERTAIN_SHIFT,
     CERTAINLY_UNDECLARED,
+    DETECTION_POWER,
     EXPANDED_COVERAGE,
     HARMFUL_SHIFT,
     LONGEST_INTERVAL,
@@ -104,18 +106,26 @@ def provenance(c: Calibration) -> Section:
 
 def exact_names(c: Calibration) -> str:
     """What has no uncertainty in the rig file, and so none in the result."""
-    names, u, drift = [q.name for q in c.taken_as_exact], c.rig.uncertainty, c.rig.drift
+    names = [*(q.name for q in c.taken_as_exact), *without_effect(c)]
     if c.method != "tracker":
-        stated = {
-            "repeatability of the NCPs": u.positioner,
-            "friction of the hinges": u.hinge_moment,
-            "compliance": u.compliance.lateral + u.compliance.vertical,
-            "drift of the zeros": drift.time + drift.temperature + drift.walk,
-        }
-        known = ["friction of the hinges"] if c.motion is not None else []
-        names += [name for name, std in stated.items() if not std and name not in known]
         names.append("magnitude of gravity, which scales the mass and hardly turns an angle")
     return "; ".join(names) or "nothing"
+
+
+def without_effect(c: Calibration) -> list[str]:
+    """Return what of this no typical error, and so no effect, is known of."""
+    if c.method == "tracker":
+        return []
+    u, drift, known = c.rig.uncertainty, c.rig.drift, [q.name for q in c.taken_as_exact]
+    known += ["friction of the hinges"] * (c.motion is not None)
+    stated = {
+        UNMOVED: drift.angle or len(c.campaigns) < 2,
+        "repeatability of the NCPs": u.positioner,
+        "friction of the hinges": u.hinge_moment,
+        "compliance": u.compliance.lateral + u.compliance.vertical,
+        "drift of the zeros": drift.time + drift.temperature + drift.walk,
+    }
+    return [name for name, std in stated.items() if not std and name not in known]
 
 
 def report_digest(c: Calibration) -> str | None:
@@ -162,6 +172,12 @@ def decision_rule(c: Calibration) -> str:
         )
     numbered = "; ".join(f"({k + 1}) {rule}" for k, rule in enumerate((*rules, end)))
     said = f"Accepted where {numbered}. Limits of uncertainties need no guard band."
+    for moved in (q for q in c.taken_as_exact if q.name == UNMOVED):
+        said += (
+            " All campaigns count as of one state: that a sensor turned before the last of them "
+            f"is excluded, with {DETECTION_POWER:.0%} probability, from "
+            f"{rounded(1e3 * moved.error)} mrad on only{FIXED}."
+        )
     if c.status == "provisional":
         said += " Provisional: accepted, with lines of the drafted rig file still to be confirmed."
     if limits.contact is not None:

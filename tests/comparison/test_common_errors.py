@@ -6,7 +6,7 @@ import numpy as np
 
 from tdfscal.comparison.members import Recorded
 from tdfscal.comparison.pooling import pool
-from tdfscal.estimation.exact_quantities import exact_quantities
+from tdfscal.estimation.exact_quantities import UNMOVED, exact_quantities, with_unmoved
 from tdfscal.estimation.fit import information
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, Drift, ExactMoves, FloatArray, Rig
@@ -74,3 +74,29 @@ def test_a_tare_is_each_campaigns_own() -> None:
         predicted = found.turns(3)[:, first : first + 3] @ off
         assert np.abs(predicted).max() > 1e-6
         np.testing.assert_allclose(wrong, predicted, atol=0.05 * np.abs(predicted).max())
+
+
+def test_a_turn_before_the_last_campaign_counts_as_exact() -> None:
+    """What the earlier campaigns say of one sensor's pitch is off by as much as it turned."""
+    rig, index, size = make_rig(zero_std=0.5, declared=QUIET), len(SIZES) - 1, 1e-3
+    plain = months(rig)
+    right = pooled(plain, index)
+    nobody = np.full((3, 3), 1e-12)
+    nobody[1, 1] = size
+    prior = with_unmoved(pool(plain).others(rig, index), nobody)
+    own = fit(replace(rig, earlier=prior), right.postures, right.state, right.weight)
+    step = np.linalg.inv(so3.rpy_jacobian(right.state.rotation))[1, :, 1] * size
+    rng = np.random.default_rng(3)
+    turned = history(
+        rig,
+        rng,
+        months=index + 1,
+        postures_each=SIZES,
+        zero=0.0,
+        steps=[(index, 1, (step[0], step[1], step[2]))],
+    )[0]
+    missed = moved(pooled(turned, index), right)
+    missed[3:6] -= step
+    predicted = -quantity(own, UNMOVED).turns(3)[:, 4]
+    assert np.abs(predicted).max() > 1e-4
+    np.testing.assert_allclose(missed, predicted, atol=0.05 * size)
