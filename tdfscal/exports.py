@@ -146,16 +146,17 @@ def ros(c: Calibration, parent: str = BCS_FRAME) -> str:
 
 
 def csv_table(c: Calibration) -> str:
-    """Return a row per sensor: r_xx … r_zz, zero, inverse sensitivity u_xx … u_zz, angles, standard
+    """Return a row per sensor: r_xx … r_zz, zero, inv_sensitivity_xx … _zz, angles, standard
     uncertainties; what is not known stays empty. The rest of a row is alike for all.
 
-    F_bcs = r · u · (F_sensor − zero); u = (I + S)⁻¹ stands only where a sensitivity was estimated.
+    F_bcs = r · inv_sensitivity · (F_sensor − zero), inv_sensitivity = (I + S)⁻¹ only where a
+    sensitivity was estimated.
     """
     scaled = any(support.sensitivity for support in c.supports)
     entries = [f"{a}{b}" for a in "xyz" for b in "xyz"]
     zeros, angles = [f"zero_{a}_N" for a in "xyz"], [f"{angle}_deg" for angle in ANGLES]
     header = ["sensor", *(f"r_{e}" for e in entries), *zeros]
-    header += [f"u_{e}" for e in entries] if scaled else []
+    header += [f"inv_sensitivity_{e}" for e in entries] if scaled else []
     header += [*angles, *(f"std_{name}" for name in (*angles, *zeros)), "k"]
     common = {
         "status": c.status,

@@ -156,7 +156,10 @@ def test_csv(c: Calibration) -> None:
         assert R.tolist() == np.array(support.rotation).tolist()
         load = READING - np.array(zero, dtype=np.float64)
         if c is SCALED:
-            load = np.array([[float(row[f"u_{a}{b}"]) for b in "xyz"] for a in "xyz"]) @ load
+            load = (
+                np.array([[float(row[f"inv_sensitivity_{a}{b}"]) for b in "xyz"] for a in "xyz"])
+                @ load
+            )
         np.testing.assert_allclose(R @ load, force(c, i, READING), rtol=1e-12)
         assert row["convention"] == c.convention
         for angle, value, std in zip(ANGLES, support.rpy, support.rpy_std, strict=True):

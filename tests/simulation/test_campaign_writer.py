@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from tdfscal import read_log
 from tdfscal.errors import UsageError
@@ -42,6 +43,9 @@ def test_a_folder_holds_what_was_simulated_and_the_same_again(
     for one, series in zip((*log.position, *log.force), true, strict=True):
         np.testing.assert_allclose(one.value, series.value, rtol=4e-16, atol=0)
         np.testing.assert_allclose(one.time - one.time[0], series.time, rtol=0, atol=2.4e-7)
+    truth = yaml.safe_load(a["truth.yaml"])
+    stated = [support["sensitivity"] for support in truth["supports"]]
+    np.testing.assert_array_equal(stated, np.eye(3) + made[0].truth.sensitivity)
     if format != "mcap":
         with pytest.raises(UsageError, match="MCAP"):
             simulate_to_folder(tmp_path / "d", format=format, postures=2, recorder=apart)

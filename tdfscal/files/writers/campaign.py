@@ -142,16 +142,18 @@ def truth_document(played: Run, rig: Rig, scenario: Mapping[str, Any]) -> dict[s
     """truth.yaml: what an estimate is to be judged by, and how the campaign was made."""
     truth, recorded = played.truth, played.campaign or played.moving
     options = {} if recorded is None else {"options": recorded.options}
+    own = {key: getattr(truth, key) for key in _OF_A_SUPPORT}
+    own["sensitivity"] = np.eye(3) + truth.sensitivity
     terminal = {"mass": float(truth.mass), "barycenter": truth.barycentre}
     if played.moving is not None:
         terminal["inertia"] = played.moving.inertia
     return {
         "format": "tdfscal-truth/1",
-        "convention": "F_bcs = rotation · (I + sensitivity)⁻¹ (F_sensor − zero); "
+        "convention": "F_bcs = rotation · sensitivity⁻¹ · (F_sensor − zero); "
         "rotation = Rz(yaw)·Ry(pitch)·Rx(roll); hinge centre = servo + datum + deflection",
         "scenario": {**scenario, **options},
         "supports": [
-            {"name": name, **{key: getattr(truth, key)[i] for key in _OF_A_SUPPORT}}
+            {"name": name, **{key: value[i] for key, value in own.items()}}
             for i, name in enumerate(rig.supports)
         ],
         "terminal": terminal,
