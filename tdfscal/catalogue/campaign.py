@@ -44,7 +44,8 @@ datum-suspected warns
   -> measure the servo datums, or write `uncertainty.datum: {stated}` in rig.yaml (m)
 axis-scale-suspected warns
   the Z axis of the positioner of {subject} is out of scale by {size}
-  -> measure its travel (dial gauge, tracker), and correct its scale factor
+  -> measure its travel (dial gauge, tracker), and correct its scale factor, or the Z of
+    its `position_scale` in the log block of rig.yaml
 tilt-suspected warns
   gravity is not along -Z of the BCS
   -> level the BCS, or write `gravity.tilt_std: {stated}` in rig.yaml (rad)

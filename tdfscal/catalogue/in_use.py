@@ -83,7 +83,8 @@ IN_USE: dict[str, Entry] = {
     **entries("""
 campaigns-changed rejects
   {said}
-  -> calibrate apart: {apart}{creeps:; or declare drift.angle, where this pace is the rig's own|}
+  -> calibrate each part by itself: {apart}{creeps:; or declare drift.angle, where this pace
+    is the rig's own|}
 """),
     **_CHANGES,
     **entries("""

@@ -93,7 +93,7 @@ clocks-apart warns
   clocks: the forces follow the motion {size} {late:later|earlier} than the positions (standard
   error {std:s}, {moves} moves)
 clocks-together notes
-  clocks: no offset of the forces against the positions is seen: {size}, standard error {std:s},
+  clocks: no offset of the forces against the positions is left: {size}, standard error {std:s},
   {moves} moves
 postures-repeated warns
   {number:.0f} of {postures} postures repeat an earlier one in every digit (first: {later} is

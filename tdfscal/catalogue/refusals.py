@@ -42,7 +42,8 @@ estimate-unsettled refuses
   -> check mass, hinges and nominal mounting in rig.yaml, and record {moving:a longer motion|more
     postures}
 mountings-alike refuses
-  two mountings explain the log about equally well (χ² apart by {number:.2g}): {mountings}
+  two mountings explain the log{alike: about equally well|} (χ² apart by {number:.2g}; chance puts
+  the wrong one first with {p}): {mountings}
   ? few ; {few:.0f} postures are too few
   -> {least:record ~ postures or more, tilted and squeezed, or |}state which it is by nominal_rpy
     and rpy_std in rig.yaml (0.2 rad will do){few:|, or squeeze harder, tilt more and record more

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import shlex
 import signal
 import sys
 import time
@@ -194,7 +195,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
         say(f"[{time.monotonic() - began:5.1f} s] {name} …")
 
     several = [path for p in command.parameters if p.several for path in asked.pop(p.name)]
-    line = " ".join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
+    line = shlex.join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
     text = ""
     # Where standard output carries the result, it is an output like any other: all or none.
     with together():

@@ -231,7 +231,7 @@ def _rig_of(paths: Sequence[Path], fallback: LoadedRig | None) -> LoadedRig:
         raise UsageError(
             f"there is no {RIG_NAME}",
             where=str(homes[0]),
-            hint=rename if near else "name the rig file with --rig",
+            hint=rename if near else "name it with --rig, or draft it: `tdfscal init LOG`",
         )
     for other in rigs[1:]:
         if other.sha256 != first.sha256:

@@ -286,7 +286,7 @@ def where_few(
             if not isinstance(error, final):
                 return None
             few = f"{len(dwells)} static dwells are too few: {enough} are the least"
-        raise error.restated(what=f"{few}, and in motion: {error.what}") from error
+        raise error.restated(what=f"{error.what} ({few}, so the motion was used)") from error
 
 
 def delay_of(rig: LoadedRig) -> UncertainValue:

@@ -38,6 +38,8 @@ PRIOR_SHARE = 0.5
 _ALONG_LOAD = np.radians(20.0)
 #: Less than this across its load, N, and a sensor carries none.
 _CARRIED = 0.05
+#: Turns that are named one by one, at most.
+_LISTED = 3
 
 
 @record
@@ -103,10 +105,11 @@ class Observability:
         """Which angles are determined and which not; the first's cause stands for all of these."""
         first = self.weak[0]
         stand = [angle for angle in self.angles if angle.identified]
+        named = self._named(stand)
         values: dict[str, Value] = {
             "angles": self._named(self._open),
             "first": first.angle.name,
-            "determined": self._named(stand),
+            "determined": named if len(named) <= _LISTED else ["every other turn"],
             "worst": INTERVAL_FACTOR * max((angle.std for angle in stand), default=0.0),
         }
         values = {**first.finding.values, **values}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+import shlex
+from collections.abc import Iterable, Iterator
 from math import ceil
 
 import numpy as np
@@ -106,26 +107,22 @@ def _to_mend(c: Calibration) -> Iterator[str]:
         yield begun(cure(Finding(found[0].code, names)), ".")
     rejected = c.fit.rejected if c.fit is not None else ()
     if touched := [r for r in rejected if r.code not in SPOILT]:
-        yield f"Look what touched the terminal at {_named(touched)}."
+        yield f"Look what touched the terminal at {numbers(touched)}."
     yield from (begun(said, ".") for said in tuple(_of_the_sensors(c, rejected))[:1])
-
-
-def _named(touched: Sequence[RejectedPosture]) -> str:
-    return f"posture{'s' * (len(touched) > 1)} {numbers(touched)}"
 
 
 def _proof(c: Calibration) -> str:
     """How to check the result, with the name of its file."""
     new = "new postures" if c.motion is None else "a motion without contact"
     if c.source:
-        how = f"tdfscal validate {c.source} LOG"
+        how = f"tdfscal validate {shlex.quote(str(c.source))} LOG"
     elif c.command.startswith("tdfscal."):  # as Python names it
         how = "tdfscal.validate(calibration, log)"
     else:
-        named = re.search(r"(?:-o|--output)[= ]([^ -][^ ]*)", c.command)
+        named = re.search(r"(?:-o|--output)[= ]('[^']+'|[^ '-][^ ]*)", c.command)
         usual = "calibration.yaml" if c.command.startswith("tdfscal calibrate") else "CALIBRATION"
         how = f"tdfscal validate {named[1] if named else usual} LOG"
-    return f"Check it on {new}, now and every month: {how}"
+    return f"Check it on {new}, now and every month: `{how}`"
 
 
 def _to_improve(c: Calibration) -> Iterator[str]:
@@ -207,7 +204,7 @@ def _of_what_touched(c: Calibration) -> Iterator[str]:
     """Postures, or stretches of a motion, that something touched."""
     if c.motion is None:
         if touched := [r for r in _many_rejected(c) if r.code not in SPOILT]:
-            yield f"{CATALOGUE['posture-misfits'].cure}: {_named(touched)}"
+            yield f"{CATALOGUE['posture-misfits'].cure}: {numbers(touched)}"
     elif c.found("motion-left-out"):
         if any(stretch.code == "stretch-touched" for stretch in c.motion.rejected):
             yield CATALOGUE["stretch-touched"].cure

@@ -127,7 +127,7 @@ def _by_key(c: Calibration, lines: Iterable[str]) -> str:
     names = "|".join(re.escape(f".{support.name}") for support in c.supports)
     for line in lines:
         said, _, number = line.removesuffix(")").rpartition(" (line ")
-        key = re.sub(names, "", (said or line).split(": ")[0])
+        key = re.sub(rf"{names}|\.\d+(?=\.|$)", "", (said or line).split(": ")[0])
         block, _, leaf = key.partition(".")
         keys, numbers = blocks.setdefault(block, ({}, []))
         keys |= {leaf: None} if leaf else {}
@@ -234,9 +234,10 @@ def _without(left_out: Sequence[_Part], told: Callable[[Sequence[_Part]], str]) 
 
 
 def numbers(rejected: Sequence[RejectedPosture]) -> str:
-    """Return numbers of postures, the first of many, by which to find them in the log."""
+    """Return postures by their numbers, the first of many, by which to find them in the log."""
     more = ", …" if len(rejected) > _POSTURES else ""
-    return ", ".join(str(r.index + 1) for r in rejected[:_POSTURES]) + more
+    listed = ", ".join(str(r.index + 1) for r in rejected[:_POSTURES])
+    return f"posture{'s' * (len(rejected) > 1)} {listed}{more}"
 
 
 def largest_source(c: Calibration, angle: int | None = None) -> tuple[str, float]:

@@ -233,11 +233,12 @@ def chi_squared(chi2: float, dof: int, p: float | None) -> str:
 def told_clock(clock: ClockResult | RecorderClock, recorders: Iterable[LogBlock]) -> str:
     """Write how far a recorder's clock is from the first one's; recorders : what is stated."""
     stated = [r.clock.rate_std for r in recorders if r.files == clock.recorder]
-    rate = f"{with_std(1e6 * clock.rate, 1e6 * clock.rate_std, '+')} ppm"
+    rate = f"{with_std(1e6 * abs(clock.rate), 1e6 * clock.rate_std)} ppm"
     if clock.rate_std > _AS_STATED * max(stated, default=math.inf):
         rate += ", no better known than stated"
     offset = with_std(clock.offset, clock.offset_std, "+")
-    return f"its clock is {offset} s from the first one's, and faster by {rate}"
+    way = "slower" if clock.rate < 0 else "faster"
+    return f"its clock is {offset} s from the first one's, and {way} by {rate}"
 
 
 def short(names: Sequence[str]) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 import textwrap
 from collections.abc import Iterable, Sequence
@@ -111,13 +112,14 @@ def _fit(cell: str, room: int = WIDTH // 2) -> str:
 
 
 def wrapped(text: str, indent: str = "", hanging: str = "") -> list[str]:
-    """Fold a paragraph to the width."""
+    """Fold a paragraph to the width; what stands in backticks is pasted, and never broken."""
     lines = textwrap.wrap(
-        text,
+        re.sub("`[^`]*`", lambda code: code[0].replace(" ", FIXED), text),
         WIDTH,
         initial_indent=indent,
         subsequent_indent=indent + hanging,
         break_on_hyphens=False,
+        break_long_words="`" not in text,
     )
     return [line.replace(FIXED, " ") for line in lines]
 

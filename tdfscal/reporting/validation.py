@@ -137,7 +137,7 @@ def validation_document(
 
 def _verdict(v: Tested) -> tuple[str, list[str]]:
     """The verdict, and what next."""
-    if v.outcome == "unproven":
+    if v.outcome == "unproven" or (v.outcome == "changed" and v.gate_rejected):
         verdict, *steps = next(_UNPROVEN[why] for why in _UNPROVEN if getattr(v, why))
     else:
         verdict, *steps = _SAID["tared" if v.holds and v.zeros.moved else v.outcome]
@@ -169,6 +169,7 @@ def _why(v: Tested, findings: Sequence[Finding]) -> Iterator[str]:
     if v.judged.p_value < VALIDATION_CHI2:
         said = f"χ² = {rounded(v.chi2, 4)} for {v.dof} degrees of freedom ({chi2})"
         failed.insert(len(failed) if v.decided_by_search else 0, said)
+    yield from (f"{sentence(found)}." for found in findings if found.code == "rejected-in-use")
     yield f"{left} more {allow}: {'; '.join(failed)}."
     if not v.suspected:
         yield (

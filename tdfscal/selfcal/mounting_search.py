@@ -21,7 +21,7 @@ from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, parameter_count, retract, starting_state
 from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.numerics.distributions import chi2_sf, normal_quantile
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_fits import descend
 from tdfscal.records import BoolArray, FloatArray, Rig
@@ -158,13 +158,18 @@ class Rival:
     gap: float
 
     @property
-    def as_likely(self) -> bool:
-        """The data do not tell it from the estimate.
+    def p_value(self) -> float:
+        """Chance, at most, that the estimate is the wrong one of the two.
 
         With χ² apart by D on average the wrong one comes out lower by g with probability
         Φ(−(D + g)/2√D) ≤ Φ(−√g).
         """
-        return self.gap < float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2
+        return 0.5 * float(chi2_sf(max(self.gap, 0.0), 1))
+
+    @property
+    def as_likely(self) -> bool:
+        """The data do not tell it from the estimate."""
+        return self.p_value > AMBIGUOUS_MOUNTING
 
 
 def best_start(rig: Rig, postures: Postures) -> Fit:

@@ -46,7 +46,7 @@ from tdfscal.selfcal.result import (
     caveats,
 )
 from tdfscal.selfcal.score_tests import suspicions, wandering
-from tdfscal.significance import CAUSES_APART, MISFIT, MOST_REJECTED
+from tdfscal.significance import CAUSES_APART, INTERVAL_COVERAGE, MISFIT, MOST_REJECTED
 
 #: Trials after which a Monte Carlo stops although its averages still move: the ends of an interval
 #: are then known to 0.013 σ, a quarter of the finest tolerance that clause 8 can ask for.
@@ -105,7 +105,11 @@ def self_calibrate(
             bent = replace(rig, drift=replace(rig.drift, parabola=np.inf))
             again = self_calibrate(bent, dwells, rng=rng, max_trials=max_trials, progress=progress)
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
-        doubts = (*placed, *_with_change(doubts, told))
+        doubts = _with_change(doubts, told)
+        scaled = {doubt.support for doubt in doubts if doubt.kind == "vertical scale"}
+        echoes = (doubt.kind == "scaled" and doubt.support in scaled for doubt in placed)
+        placed = tuple(doubt for doubt, echo in zip(placed, echoes, strict=True) if not echo)
+        doubts = (*placed, *doubts)
     trials = None
     unasked = max_trials is None and rig.n > MOST_SIMULATED
     if max_trials != 0 and not unasked:
@@ -144,7 +148,9 @@ def _check(seen: Undetermined, usable: Usable, near: tuple[Rival, ...]) -> None:
             values: dict[str, Value] = {"mountings": describe(rig, fit.state, near[0].state)}
             if (used := int(np.count_nonzero(fit.weight))) < ENOUGH:
                 values |= {"few": used, "least": ENOUGH}
-            alike = Finding("mountings-alike", size=abs(near[0].gap), values=values)
+            values["alike"] = near[0].p_value > 1.0 - INTERVAL_COVERAGE
+            gap, p_value = abs(near[0].gap), near[0].p_value
+            alike = Finding("mountings-alike", size=gap, p_value=p_value, values=values)
             raise NotIdentifiableError(alike, evidence=seen)
     except (NotIdentifiableError, NotConvergedError):
         everyone = np.ones(len(usable.index))

@@ -229,7 +229,7 @@ def test_campaigns_that_are_apart(
         (2, ["update", base, first], "same recording"),
         (2, ["update", base, older], "before the calibration"),
         (2, ["calibrate", ""], "empty"),
-        (1, ["calibrate", *folders(months, 0, 6)], "apart: 2024-05 to 2024-09, 2024-10."),
+        (1, ["calibrate", *folders(months, 0, 6)], "itself: 2024-05 to 2024-09, 2024-10."),
     ):
         done = cli(*arguments, "--trials", 0, "-o", target, "-q", ends=status)
         said = done.err + done.out

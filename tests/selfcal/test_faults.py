@@ -92,6 +92,7 @@ def test_a_vertical_axis_off_in_scale_is_named_with_its_size(sensor: int, scale:
     assert (cause.code, cause.subject) == ("axis-scale-suspected", (RIG.supports[sensor],))
     assert cause.size == pytest.approx(abs(scale), rel=0.1)
     assert "axis-scale-suspected" in [reason.code for reason in result.reasons]
+    assert "frame-scaled" not in [found.code for found in result.findings]  # told once
 
 
 @pytest.mark.parametrize("axes", [(0,), (1,), (0, 1)])
