@@ -25,7 +25,7 @@ import pyarrow.parquet as pq
 
 from benchmarks.frame import heads, introduce, scratch, show
 from tdfscal.errors import DataError
-from tdfscal.files.rig.recorders import log_block
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs.formats import open_log
 from tdfscal.logs.log_file import make_request
 from tdfscal.logs.messages.buffer import gather
@@ -143,7 +143,9 @@ def numbers_of(path: Path) -> tuple[int, int]:
     supports = tuple(map(str, six))
     each = zip(supports, moves, loads, strict=True)
     fields = {name: {"position": move, "force": load} for name, move, load in each}
-    asked = make_request(log_block(fields, rows="postures"), supports)
+    asked = make_request(
+        LogBlock.model_validate({"rows": "postures", "supports": fields}), supports
+    )
     blocks = [block for piece in open_log(path).read(asked) for block in piece]
     read = np.hstack([np.concatenate([b.value[s] for b in blocks]) for s in asked.numbers])
     true = np.array(rows)[:, : read.shape[1]].astype(np.float64)

@@ -29,17 +29,16 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 from mcap.writer import CompressionType, Writer
 
-from tdfscal.files.rig.recorders import LogTime, log_block
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.records import FloatArray
 
 RATE, STOP, MOVE, BLOCK = 1000, 4.0, 2.0, 60.0
 NAMES = ("ncp1", "ncp2", "ncp3")
 COLUMNS = ["time", *(f"{n}.{c}" for c in ("x", "y", "z", "fx", "fy", "fz") for n in NAMES)]
-TOPICS = log_block(
-    {n: {"position": [f"/{n}/position.point"], "force": [f"/{n}/wrench.wrench.force"]}
-     for n in NAMES},
-    time=LogTime(source="header"),
-)  # fmt: skip
+FIELDS = {
+    n: {"position": f"/{n}/position.point", "force": f"/{n}/wrench.wrench.force"} for n in NAMES
+}
+TOPICS = LogBlock.model_validate({"time": {"source": "header"}, "supports": FIELDS})
 #: What the reading of each format is held against, and the goal.
 PLAIN = {
     "csv": ("pyarrow.csv.read_csv", "at most 1.5×"),

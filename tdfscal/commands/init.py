@@ -13,7 +13,6 @@ from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.files.rig.draft import RigSketch, draft, sketch_rig
 from tdfscal.files.rig.reading import parse_rig
-from tdfscal.files.rig.recorders import stated_log
 from tdfscal.frozen import record
 from tdfscal.logs.describe import LogInfo, describe_logs
 from tdfscal.records import FloatArray
@@ -91,7 +90,7 @@ def init(
     progress("reading the log")
     info = describe_logs(logs)
     first = info.contents[0]
-    if info.mapping is None:
+    if not info.recorders:
         raise _no_draft(info, "write the `log:` block by hand: `tdfscal info` lists the fields")
     position, force = _postures(info)
     sketch = sketch_rig(position, force, _GRAVITY)
@@ -99,7 +98,7 @@ def init(
         first.path.absolute().parent.name or "Rig",
         sketch,
         _notes(sketch, len(position)),
-        stated_log(info.recorders),
+        info.recorders,
         info.guess.notes,
     )
     drafted = parse_rig(text.encode(), str(output or "rig.yaml"))

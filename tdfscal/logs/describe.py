@@ -24,7 +24,7 @@ from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.rig.draft import log_lines
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.files.rig.recorders import LogBlock, LogTime, stated_log
+from tdfscal.files.rig.recorders import LogBlock, LogTime
 from tdfscal.files.saving import in_utf8
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -82,11 +82,6 @@ class LogInfo:
     clocks: tuple[RecorderClock, ...] = ()
     samples: tuple[FloatArray, FloatArray] | None = None
 
-    @property
-    def mapping(self) -> LogBlock | None:
-        """Of the first recorder; None where nothing is guessed."""
-        return self.recorders[0] if self.recorders else None
-
 
 def describe_logs(
     paths: Sequence[Path],
@@ -108,7 +103,7 @@ def describe_logs(
     guess = guess_recorders(_layouts(paths, contents), rig.rig if rig else None)
     recorders = guess.recorders
     source: Source = "guessed"
-    if rig is not None and (rig.log or guess.mapping is None):
+    if rig is not None and (rig.log or not recorders):
         recorders, source = rig.log or (LogBlock(),), "rig"
     info = LogInfo(tuple(contents.values()), guess, recorders, source)
     problems = [f"{own.path}: {what}" for own in info.contents for what in own.problems]
@@ -258,4 +253,4 @@ def _common(names: Sequence[str]) -> str:
 
 def mapping_block(info: LogInfo) -> str:
     """The guessed block as YAML, ready to paste into rig.yaml."""
-    return "\n".join(log_lines(stated_log(info.guess.recorders))) + "\n"
+    return "\n".join(log_lines(info.guess.recorders)) + "\n"

@@ -8,7 +8,8 @@ from typing import Any, Final, Literal, cast
 
 import numpy as np
 
-from tdfscal.files.rig.recorders import LogBlock, LogTime, by_scale, log_block, unit_factor
+from tdfscal.files.rig.draft import named_supports
+from tdfscal.files.rig.recorders import LogBlock, LogTime, SupportFields, by_scale, unit_factor
 from tdfscal.frozen import record, replace
 from tdfscal.logs.contents import (
     Contents,
@@ -59,14 +60,9 @@ class Guess:
     problems: tuple[str, ...] = ()
 
     @property
-    def mapping(self) -> LogBlock | None:
-        """That of the first recorder."""
-        return self.recorders[0] if self.recorders else None
-
-    @property
     def supports(self) -> tuple[str, ...]:
         """All that the recorders name."""
-        return tuple(dict.fromkeys(name for one in self.recorders for name in one.supports or ()))
+        return named_supports(self.recorders)
 
 
 @record
@@ -115,7 +111,7 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     problems = [length.problem, force.problem]
     recorders: list[LogBlock] = []
     for pattern, contents in files.items():
-        held = {
+        held: dict[str, dict[str, Any]] = {
             pair.support: {
                 what: vector.fields
                 for what, vector in (("position", pair.position), ("force", pair.force))
@@ -133,14 +129,16 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
         if clock is None:
             recorders = []
             break
-        stated = {"files": pattern} if pattern else {}
+        stated: dict[str, Any] = {"files": pattern} if pattern else {}
         if "position" in kinds:
             stated["length_unit"] = length.unit
         if "force" in kinds:
             stated |= {"force_unit": force.unit, "force_on": on}
         if contents.decimal != ".":
             stated["decimal"] = contents.decimal
-        recorders.append(log_block(held, **stated, **clock))
+        # Unchecked, as the names are any that a file may have.
+        fields = {name: SupportFields.model_construct(**own) for name, own in held.items() if own}
+        recorders.append(LogBlock.model_construct(**stated, **clock, supports=fields))
     return Guess(tuple(recorders), tuple(filter(None, notes)), tuple(filter(None, problems)))
 
 

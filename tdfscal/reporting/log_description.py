@@ -13,7 +13,7 @@ from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.catalogue.numbers import rounded, when
 from tdfscal.errors import visible
-from tdfscal.files.rig.recorders import stated_log
+from tdfscal.files.rig.draft import stated_log
 from tdfscal.files.saving import in_utf8
 from tdfscal.files.yaml import shorten
 from tdfscal.logs.contents import Contents, Field, Stream
@@ -50,7 +50,7 @@ def as_document(info: LogInfo) -> dict[str, Any]:
             document(file, "format bytes streams", path=in_utf8(str(file.path)))
             for file in info.contents
         ],
-        read_with=info.source if info.mapping else None,
+        read_with=info.source if info.recorders else None,
         mapping={"log": stated_log(guess)} if guess else None,
         mapping_yaml=mapping_block(info) if guess else None,
         mapping_notes=info.guess.notes,
@@ -154,7 +154,7 @@ def _problems(info: LogInfo) -> Iterator[str]:
 
 
 def _mapping(info: LogInfo) -> Iterator[str]:
-    if info.guess.mapping is None:
+    if not info.guess.recorders:
         return
     read = "" if info.source == "guessed" else "; the rig file's own was used above"
     yield from wrapped(

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal.files.rig.recorders import log_block
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
 from tdfscal.logs.describe import describe_logs
 from tests.files.logs.log_making import STORE, ros, small_mcap, wrench_stamped, write
@@ -65,7 +65,7 @@ def test_joints_named_by_axis(tmp_path: Path, form: str, effort: str, force: str
     bracketed = [f"/joint_states.position[{j}]" for j in names]
     for k, own in enumerate(fields.values()):
         own["position"] = bracketed[3 * k : 3 * k + 3]
-    for read in (mapping, log_block(fields, time=mapping.time)):
+    for read in (mapping, LogBlock.model_validate({"time": mapping.time, "supports": fields})):
         log = read_log([path], read, guess.supports)
         for i in range(NCPS):
             np.testing.assert_array_equal(log.position[i].value, position[:, i])

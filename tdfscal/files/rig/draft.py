@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Final
 
 import numpy as np
 import yaml
 
 from tdfscal.errors import DataError, visible
+from tdfscal.files.field_types import Quantity
 from tdfscal.files.rig.model import RIG_FORMAT
 from tdfscal.files.rig.reading import CONFIRM
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.saving import in_utf8, represent_text
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
@@ -155,21 +158,18 @@ def draft(
     name: str,
     sketch: RigSketch,
     notes: Mapping[str, str],
-    log: Mapping[str, Any] | Sequence[Mapping[str, Any]],
+    recorders: Sequence[LogBlock],
     reasons: Sequence[str],
 ) -> str:
     """Write a rig file's text.
 
-    notes : what is to be said beside `mass`, `hinge` and `nominal_rpy`. log : the log block, and
-    the reasons for what it says.
+    notes : what is to be said beside `mass`, `hinge` and `nominal_rpy`. recorders : the log block,
+    and the reasons for what it says.
     """
     mass, barycentre = sketch.mass, sketch.barycentre
-    blocks = [dict(block) for block in ([log] if isinstance(log, Mapping) else log)]
-    fields = list(dict.fromkeys(name for block in blocks for name in block["supports"]))
-    if len(blocks) == 1:  # of two recorders it is in the clocks
-        delay = {"value": 0.0, "std": 0.005}
-        supports = blocks[0].pop("supports")
-        blocks = [{**blocks[0], "delay": delay, "supports": supports}]
+    if len(recorders) == 1:  # of two recorders it is in the clocks
+        delay = {"delay": Quantity(value=0.0, std=0.005)}
+        recorders = [recorders[0].model_copy(update=delay)]
     lines = [
         f"# Drafted by `tdfscal init` from a log. Take each `# {CONFIRM}` away once its line is",
         "# right: until then `calibrate` says which of them its result rests on.",
@@ -190,7 +190,8 @@ def draft(
                  "nothing"),
         "supports:",
     ]  # fmt: skip
-    for support, place, rpy in zip(fields, sketch.hinge, sketch.nominal_rpy + 0.0, strict=True):
+    each = zip(named_supports(recorders), sketch.hinge, sketch.nominal_rpy + 0.0, strict=True)
+    for support, place, rpy in each:
         lines += [
             f"  - name: {_flow(support)}",
             f"    hinge: [{', '.join(f'{c:.6f}' for c in place)}]  # {CONFIRM}",
@@ -201,7 +202,7 @@ def draft(
     lines += [
         *_UNCERTAINTY,
         *(line for reason in reasons for line in _remark(reason)),
-        *log_lines(blocks[0] if len(blocks) == 1 else blocks, _MARKS),
+        *log_lines(recorders, _MARKS),
         "acceptance:",
         "  angle_std: 5.0e-3  # rad, largest standard uncertainty of any angle that is accepted",
         "  birge_max: 2.0",
@@ -220,15 +221,27 @@ def _remark(text: str) -> list[str]:
     return textwrap.wrap(visible(text), _WIDTH, initial_indent="# ", subsequent_indent="# ")
 
 
+def named_supports(recorders: Sequence[LogBlock]) -> tuple[str, ...]:
+    """Return the supports that recorders name."""
+    return tuple(dict.fromkeys(name for each in recorders for name in each.supports or ()))
+
+
+def stated_log(recorders: Sequence[LogBlock]) -> Any:
+    """Return the `log` block of recorders as plain values: what is stated, and no defaults."""
+    blocks = [each.model_dump(mode="json", exclude_unset=True) for each in recorders]
+    return blocks[0] if len(blocks) == 1 else blocks
+
+
 def log_lines(
-    log: Mapping[str, Any] | Sequence[Mapping[str, Any]], marks: Mapping[str, str] | None = None
+    recorders: Sequence[LogBlock], marks: Mapping[str, str] = MappingProxyType({})
 ) -> list[str]:
     """The log block as YAML, or a list of them; marks : what is said behind a key, and supports."""
-    if isinstance(log, Mapping):
-        return ["log:", *_block_lines(log, marks or {}, "  ")]
+    log = stated_log(recorders)
+    if isinstance(log, dict):
+        return ["log:", *_block_lines(log, marks, "  ")]
     lines = ["log:"]
     for block in log:
-        first, *rest = _block_lines(block, marks or {}, "    ")
+        first, *rest = _block_lines(block, marks, "    ")
         lines += [f"  - {first.lstrip()}", *rest]
     return lines
 

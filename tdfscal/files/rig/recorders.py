@@ -3,7 +3,7 @@ recorder names things and what all must hold; a laser tracker's survey and where
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
@@ -232,21 +232,6 @@ LogBlocks = Annotated[
     WrapSerializer(_alone),
 ]
 """One recorder's block, or a list of them."""
-
-
-def log_block(fields: Mapping[str, Mapping[str, Any]], **stated: Any) -> LogBlock:
-    """Return the block of a recorder, unchecked.
-
-    fields : keys of `SupportFields` by support. stated : other keys of the block.
-    """
-    supports = {name: SupportFields.model_construct(**own) for name, own in fields.items() if own}
-    return LogBlock.model_construct(**stated, supports=supports)
-
-
-def stated_log(recorders: Sequence[LogBlock]) -> Any:
-    """Return the `log` block of recorders as plain values: what is stated, and no defaults."""
-    blocks = [each.model_dump(mode="json", exclude_unset=True) for each in recorders]
-    return blocks[0] if len(blocks) == 1 else blocks
 
 
 def check_recorders(names: Sequence[str], recorders: Sequence[LogBlock]) -> None:

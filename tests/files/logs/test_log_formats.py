@@ -183,7 +183,6 @@ def test_every_form_reads_to_the_same_and_is_described(tmp_path: Path, form: For
         assert (given.bytes, given.integrity) == (len(content), form.integrity)
         assert given.sha256 == hashlib.sha256(content).hexdigest()
     info = describe_logs([path])
-    assert info.mapping is not None
     assert info.guess.supports == SUPPORTS
     seen = [signal.count for signal in info.signals]
     assert seen == 3 * [truth.time.size] + 3 * [truth.force_time.size]

@@ -7,7 +7,7 @@ import pytest
 
 from tdfscal.errors import DataError
 from tdfscal.files.rig.reading import load_rig
-from tdfscal.files.rig.recorders import log_block
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.logs import read_log
 from tdfscal.records import BoolArray, Log
@@ -80,10 +80,15 @@ def test_mcap_without_the_topic(folders: dict[str, Path]) -> None:
     (mapping,) = load_rig(folder / "rig.yaml").log
     fields = {name: dict(mapping.support_fields(name)) for name in SUPPORTS}
     fields["ncp4"]["force"] = ("none",)
-    whole = log_block(fields, time=mapping.time)
+    whole = LogBlock.model_validate({"time": mapping.time, "supports": fields})
     fields["ncp3"]["force"] = ("none", "none", f"{fields['ncp3']['force'][0]}.z")
     path = folder / "log.mcap"
-    log = read_log([path], log_block(fields, time=mapping.time), SUPPORTS, axes=AXES)
+    log = read_log(
+        [path],
+        LogBlock.model_validate({"time": mapping.time, "supports": fields}),
+        SUPPORTS,
+        axes=AXES,
+    )
     assert_lacks(log, read(path, folder))
     with pytest.raises(DataError, match=r"write `axes: \[\]` for ncp4 in rig.yaml"):
         read_log([path], whole, SUPPORTS)
