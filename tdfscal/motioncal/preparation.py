@@ -22,7 +22,7 @@ from tdfscal.model.postures import Postures, alike
 from tdfscal.motioncal.blocks import BAND, SHORTEST, Block, Stretch, blocks, runs
 from tdfscal.motioncal.estimator import at_state, estimate_noise
 from tdfscal.motioncal.fit import MovingFit, MovingPriors
-from tdfscal.motioncal.streams import Slow
+from tdfscal.motioncal.streams import REACH, Slow
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
@@ -39,6 +39,8 @@ _COARSE, _UNSTATED = 2.0, 1.0e-5
 #: Time of one and the same reading after which a channel is frozen, s, what counts as the same,
 #: and the way of another NCP, m, meanwhile that shows that the terminal moves.
 _FROZEN, _SAME, _MOVES = 1.0, 1e-12, 1e-4
+#: Instants that the kernel mixes with a frozen one, and how far a force jumps, in usual ways.
+_MIXED, _JUMP = round(2 * REACH), 2.0
 #: Longest step of time, in steps of the time base, that is no hole; share of the way that the NCPs
 #: would have gone in a hole below which they did not move in it.
 _HOLE, _JUMPED = 1.5, 0.2
@@ -120,35 +122,57 @@ def check_blocks(slow: Slow, cut: tuple[Block, ...]) -> None:
 def _unfit(rig: Rig, slow: Slow) -> list[tuple[slice, Finding]]:
     """Runs of instants at which a channel is frozen or clipped, and what is wrong there.
 
-    A force that stays the same to the last digit is frozen; an NCP's place is while others move.
+    A force that stays the same to the last digit is frozen, with what the kernel mixes with it; an
+    NCP's place is while others move.
     """
     found: list[tuple[slice, Finding]] = []
     frozen = np.zeros(slow.force.shape, dtype=np.bool_)
     for i, j in np.argwhere(rig.axes):
-        for run in _same(slow.force[:, i, j, None], slow.step):
+        for run in _frozen(slow.force[:, i, j], slow.step):
             frozen[run, i, j] = True
     for i in range(rig.n):
         for run in runs(np.asarray(frozen[:, i].any(axis=1))):
-            stuck = np.asarray(frozen[run, i].any(axis=0))
+            stands = np.ptp(slow.force[run, i], axis=0) <= _SAME * np.abs(slow.force[run.start, i])
+            stuck = np.asarray(frozen[run, i].any(axis=0) | stands)
             values = stuck_axes(rig.axes[i], stuck, slow.force[run.start, i])
             if run.stop == len(frozen) and run.start:
                 values["before"] = round(float(slow.time[run.start]), 2)
+            run = slice(max(run.start - _MIXED, 0), run.stop + _MIXED)
             found.append((run, Finding("stretch-frozen", (rig.supports[i],), values=values)))
         reason = Finding("stretch-standing", (rig.supports[i],))
-        still = _same(slow.position[:, i], slow.step)
+        still = _same(slow.position[:, i], _FROZEN / slow.step)
         moved = (np.ptp(slow.position[run], axis=0).max() > _MOVES for run in still)
         found += [(run, reason) for run, other in zip(still, moved, strict=True) if other]
     return found + [(run, Finding("stretch-over-capacity")) for run in runs(slow.clipped)]
 
 
-def _same(value: FloatArray, step: float) -> list[slice]:
-    """Runs of instants at which values (N, c) stay the same for _FROZEN seconds or more."""
+def _frozen(force: FloatArray, step: float) -> list[slice]:
+    """Runs of instants at which a force (N,) is frozen: for long, or at a level it jumped to.
+
+    It jumped where it went farther than twice what it ever goes in as much time elsewhere.
+    """
+    stands = _same(force[:, None], 0)
+    near = np.zeros(len(force), dtype=np.bool_)
+    for run in stands:
+        near[max(run.start - _MIXED, 0) : run.stop + _MIXED] = True
+    way = np.abs(force[_MIXED:] - force[:-_MIXED])
+    apart = ~(near[_MIXED:] | near[:-_MIXED])
+    usual = way.max(initial=0.0, where=apart) if apart.any() else np.inf
+
+    def jumped(run: slice) -> bool:
+        ends = force[[max(run.start - _MIXED, 0), min(run.stop - 1 + _MIXED, len(force) - 1)]]
+        return bool(np.abs(ends - force[run.start]).max() > _JUMP * usual)
+
+    return [run for run in stands if run.stop - run.start > _FROZEN / step or jumped(run)]
+
+
+def _same(value: FloatArray, least: float) -> list[slice]:
+    """Runs of more than so many instants, and two, at which values (N, c) stay the same."""
     change = np.abs(np.diff(value, axis=0)) <= _SAME * np.abs(value[1:])
-    least = max(3, int(np.ceil(_FROZEN / step)))
     return [
         slice(run.start, run.stop + 1)
         for run in runs(np.asarray(change.all(axis=1)))
-        if run.stop - run.start >= least
+        if run.stop - run.start >= max(2, int(np.ceil(least)))
     ]
 
 

@@ -61,7 +61,10 @@ _LEAST = 0.2
 #: Blocks above which no fit takes up half of what a window shows.
 _MANY, _HALF = 4, 0.5
 #: Rounds in which contacts come to light.
-_ROUNDS = 6
+_ROUNDS = 8
+#: Share of the largest statistic below which a contact is asked again without the larger ones:
+#: these bend the fit and the spectrum by which it is judged.
+_SHARE = 0.3
 #: Left-out stretches closer than this are one, s.
 _TOGETHER = 4.0
 
@@ -104,7 +107,7 @@ def _merged(left_out: Sequence[Stretch]) -> tuple[Stretch, ...]:
 
 
 def touched(fit: MovingFit, known: Sequence[ComplexArray] = ()) -> tuple[Stretch, ...]:
-    """Name the stretches in which a wrench acts that the model does not know.
+    """Name the stretches in which a wrench acts that the model does not know, the strongest ones.
 
     known : wrench (F, 6) of every block that is explained already.
     """
@@ -117,13 +120,15 @@ def touched(fit: MovingFit, known: Sequence[ComplexArray] = ()) -> tuple[Stretch
     limit = float(chi2_quantile(1 - CONTACT_IN_MOTION / tests, len(fit.designs[0].mix)))
     root = factored_information(fit).root
     floor = _HALF * limit if len(fit.designs) > _MANY else 0.0
-    out: list[Stretch] = []
+    out: list[tuple[float, Stretch]] = []
     for item, e in zip(fit.designs, wrenches, strict=True):
         d, middle = shapes[len(item.block)]
         statistic, wrench = _scores(fit, item, e, d, root, floor)
         time = item.block.begin + middle
-        out += [_stretch(time[run], wrench[run]) for run in runs(statistic > limit)]
-    return tuple(out)
+        found = runs(statistic > limit)
+        out += [(statistic[run].max(), _stretch(time[run], wrench[run])) for run in found]
+    most = max((float(size) for size, _ in out), default=0.0)
+    return tuple(stretch for size, stretch in out if size > _SHARE * most)
 
 
 def _stretch(middle: FloatArray, wrench: FloatArray) -> Stretch:

@@ -23,7 +23,7 @@ from tdfscal.records import BoolArray, FloatArray, Log, Series
 #: Rate of the even time base, Hz, or that of the slowest stream where it is lower.
 RATE = 20.0
 #: Half width of the kernel in steps of the time base, and its cut-off as a share of the rate.
-_REACH, _CUT = 3.0, 0.4
+REACH, _CUT = 3.0, 0.4
 #: Least sum of the kernel's weights, as a share of their sizes: else its side lobes prevail.
 _LOBES = 0.2
 #: Means of consecutive samples per step of the time base that the kernel works on, where a stream
@@ -34,7 +34,7 @@ _EVEN = 1e-6
 #: Longest hole in a stream, in steps of the time base, that the kernel bridges.
 _HOLE = 1.5
 #: Steps beyond an instant, at least, in which nothing bears on it.
-_PAST = _REACH + _HOLE
+_PAST = REACH + _HOLE
 #: Weights of output instants worked out at once, in a cache.
 _CHUNK = 6144
 #: Rows read before the rate is known, and rows looked at for the step of the positions.
@@ -94,7 +94,7 @@ class Decimator:
         members = len(streams) // len(self._groups)
         for k, group in enumerate(self._groups):
             group.add(streams[members * k : members * (k + 1)])
-        self._advance(_REACH)
+        self._advance(REACH)
 
     def finish(self) -> Slow:
         """Return the slow streams. Raises DataError where the log is too short for any."""
@@ -130,7 +130,7 @@ class Decimator:
             _Group(full, own, self._start, self._step)
             for full, own in zip(parts, spacing[: len(parts)], strict=True)
         ]
-        about = 2 * _REACH * self._step / min(group.spacing for group in self._groups)
+        about = 2 * REACH * self._step / min(group.spacing for group in self._groups)
         self._chunk = max(1, int(_CHUNK / about))
 
     def _advance(self, short: float) -> None:
@@ -241,7 +241,7 @@ class _Group:
 
         NaN where the streams do not cover them.
         """
-        stamps, reach = self._stamps, (_REACH + _EVEN) * self._step
+        stamps, reach = self._stamps, (REACH + _EVEN) * self._step
         low = np.searchsorted(stamps, time - reach)
         high = np.searchsorted(stamps, time + reach, side="right")
         if low[0] == high[-1]:
@@ -251,7 +251,7 @@ class _Group:
         near = low[:, None] + np.arange(int((high - low).max()))
         few = near >= high[:, None]
         near = np.minimum(near, high[-1] - 1) - low[0]
-        offset = np.where(few, 2 * _REACH, (rows[near, 1] - time[:, None]) / self._step)
+        offset = np.where(few, 2 * REACH, (rows[near, 1] - time[:, None]) / self._step)
         weight, covered = _weights(offset, rows[near, 0])
         used: BoolArray = weight != 0.0
         finite = np.asarray(np.isfinite(rows).all(axis=1))
@@ -276,8 +276,8 @@ def _weights(offset: FloatArray, count: FloatArray) -> tuple[FloatArray, BoolArr
     happen to share its mean.
     """
     # Low-pass of zero phase: a sinc under a Hann window.
-    near = np.abs(offset) < _REACH
-    window = np.where(near, count * np.cos(np.pi * offset / (2 * _REACH)) ** 2, 0.0)
+    near = np.abs(offset) < REACH
+    window = np.where(near, count * np.cos(np.pi * offset / (2 * REACH)) ** 2, 0.0)
     weight = np.sinc(2 * _CUT * offset) * window
     total = weight.sum(axis=1)
     fine = total > _LOBES * np.abs(weight).sum(axis=1)

@@ -118,6 +118,36 @@ def test_a_dead_axis_and_a_frozen_position_are_named() -> None:
     assert within(campaign, result)
 
 
+@pytest.mark.parametrize(
+    ("support", "axis", "reading", "begin", "end", "seed"),
+    [
+        (0, 2, 0.0, 30.0, 31.0, 0),
+        (1, 0, 1e9, 10.0, 15.0, 5),
+        (2, 1, -9e3, 20.0, 20.6, 5),
+        (1, 2, 0.0, 1.0, 2.0, 0),
+    ],
+)
+def test_a_channel_that_drops_out_is_named_as_that_alone(
+    support: int, axis: int, reading: float, begin: float, end: float, seed: int
+) -> None:
+    """No contact beside it, nor elsewhere; a brief offset is one contact, where it is."""
+    campaign, _, _ = played(MINUTE, seed)
+    for dropped in (True, False)[: 2 if end - begin <= 1.0 else 1]:
+        force = [Series(s.time, s.value.copy()) for s in campaign.log.force]
+        own = (force[support].time >= begin) & (force[support].time < end)
+        value = force[support].value[own, axis]
+        force[support].value[own, axis] = reading if dropped else value + 500.0
+        log = replace(campaign.log, force=tuple(force))
+        slow = slow_streams([log], campaign.rig.capacity)
+        result = calibrate_moving(campaign.rig, slow, NOTHING)
+        (left_out,) = result.rejected
+        assert left_out.reason.code == ("stretch-frozen" if dropped else "stretch-touched")
+        assert left_out.reason.values.get("axis", ["xyz"[axis]]) == ["xyz"[axis]]
+        ends = pytest.approx((begin, end), abs=0.2 if dropped else 1.0)
+        assert (left_out.begin, left_out.end) == ends
+        assert within(campaign, result)
+
+
 def test_moments_of_no_noise_are_told_from_positions_that_scatter() -> None:
     campaign, slow, _ = played(MINUTE, 5)
     assert calibrated(MINUTE)[1].reasons == ()
