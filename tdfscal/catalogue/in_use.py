@@ -251,7 +251,8 @@ moves-beyond rejects
   {subject}: while the path moves, the wrench reaches {size} in {axis} (at {time:.4g} s) though
   nothing touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not
   count what motion adds, so the machine would stop itself
-  -> {unstated:state terminal.inertia, or |}drive slower
+  -> {unstated:state `terminal.inertia` in rig.yaml, with `value: [[Ixx, Ixy, Ixz], [Ixy, Iyy, Iyz],
+    [Ixz, Iyz, Izz]]` and `std`, kg m² about the LCS origin, or |}drive slower
 threshold-unbounded rejects
   {subject}: no threshold can be given, since zeros, load or their drift are unknown
   -> tare or weigh, and state it in the rig file
@@ -269,11 +270,12 @@ drift-undeclared warns
 path-inertia-unknown notes
   the rig file states no inertia of the terminal: the thresholds do not count the wrench that its
   motion adds
-  -> state terminal.inertia, or watch for contact at rest only
+  -> state `terminal.inertia` in rig.yaml, with `value: [[Ixx, Ixy, Ixz], [Ixy, Iyy, Iyz],
+    [Ixz, Iyz, Izz]]` and `std`, kg m² about the LCS origin, or watch for contact at rest only
 path-without-noise warns
   {planned:a plan has no samples|the path shows no noise of samples}, so that these sizes are too
   low for the thresholds of a machine
-  -> take a recorded log of a free path
+  -> take a {planned:|longer }recorded log of a free path
 contact-unseen rejects
   of {subject} the smallest contact seen is {size}, and {limit:.3g} must be seen
   (acceptance.contact)

@@ -23,7 +23,7 @@ from tdfscal.detection.capability import (
     beyond_contact_free,
     more_false_stops,
 )
-from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise
+from tdfscal.detection.noise import LowPass, MeasuredNoise, measured_noise, serving
 from tdfscal.detection.path import (
     ByZeros,
     Errors,
@@ -211,7 +211,7 @@ def _recorded(log: WrenchPass, cutoff: float | None) -> FreePath:
     stand = errors(log.given, places, zeros, _scatter(log.use, log.given))
     time, value = (np.concatenate(parts) for parts in zip(*begun, strict=True))
     rest = [] if head.averaged else list(head.dwells(time))
-    if not rest and not head.averaged and len(time) > 1:
+    if not head.averaged and len(time) > 1 and not serving(rest, interval or 1.0, cutoff):
         value = unexplained(stand, places, time, value)
     if head.averaged:
         time, value = time[:0], value[:0]
@@ -325,7 +325,7 @@ def _rejecting(path: FreePath, found: Capability) -> Iterator[Finding]:
             if code == "path-in-contact" and by_zeros is not None:
                 values["zeros"] = by_zeros.change if zeros else 0.0
             axes, size = _axes(contact), float(largest.size[worst])
-            said = True
+            said = said or code == "path-in-contact"
             yield Finding(code, axes, size, UNITS[worst], values=values, rejects=True)
     if moved and not said and by_zeros is not None:
         worse = more_false_stops(path.errors, found, by_zeros.steady)

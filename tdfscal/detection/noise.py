@@ -1,8 +1,8 @@
 """Noise of the contact wrench behind a controller's filter, measured where the log lets it be seen.
 
-It is the scatter within static dwells; where nothing rests, within windows. Its slow part comes
-from the spectrum of means over bins (`dwells.slow_noise`); what it loses to the mean that is taken
-off is put back.
+It is the scatter within static dwells; where none rests long enough, within windows. Its slow
+part comes from the spectrum of means over bins (`dwells.slow_noise`); what it loses to the mean
+that is taken off is put back.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ _WINDOW, _TOUCHED = 60.0, 4.0
 _BINS = 128
 #: Samples of a window, at least.
 _FEWEST = 16
+#: Independent values at rest, at least: a standard deviation of theirs is known to a tenth.
+_FEW_AT_REST = 50
 #: Cycles per bin up to which means over bins have the spectrum of the noise.
 _UNBINNED = 0.125
 #: Equivalent noise bandwidth of the filter over its cut-off: π / (2 √2).
@@ -105,6 +107,29 @@ class MeasuredNoise:
     longest: float
 
 
+def serving(rest: Sequence[slice], interval: float, cutoff: float | None) -> list[slice]:
+    """Rows of dwells that show the noise; none where all hold too few independent values of it.
+
+    A filter forgets what was before a dwell within a few of its time constants, and leaves as many
+    independent values as its bandwidth.
+    """
+    late = _forgotten(interval, cutoff)
+    spans = [slice(row.start + late, row.stop) for row in rest]
+    spans = [row for row in spans if row.stop - row.start >= _FEWEST]
+    values = sum(_independent(row.stop - row.start, interval, cutoff) for row in spans)
+    return spans if values >= _FEW_AT_REST else []
+
+
+def _forgotten(interval: float, cutoff: float | None) -> int:
+    """Samples after which a filter has forgotten how it began."""
+    return 0 if cutoff is None else int(np.ceil(1.0 / (cutoff * interval)))
+
+
+def _independent(size: int, interval: float, cutoff: float | None) -> float:
+    """Independent values in so many samples behind the filter."""
+    return size if cutoff is None else min(2.0 * _BANDWIDTH * cutoff * interval * size, size)
+
+
 def measured_noise(
     time: FloatArray,
     value: FloatArray,
@@ -115,15 +140,12 @@ def measured_noise(
 
     rest : rows that lie in each static dwell. cutoff : of the filter, Hz.
     """
-    count, resting = value.shape[1], bool(rest)
+    count = value.shape[1]
     interval = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
     seen = value if cutoff is None else _filtered(value, cutoff * interval)
-    # A filter forgets what was before a dwell within a few of its time constants.
-    late = 0 if cutoff is None else int(np.ceil(1.0 / (cutoff * interval)))
-    spans = [slice(row.start + late, row.stop) for row in rest]
-    spans = [row for row in spans if row.stop - row.start >= _FEWEST]
-    if not resting:
-        size = max(_FEWEST, round(_WINDOW / interval))
+    spans = serving(rest, interval, cutoff)
+    if not (resting := bool(spans)):
+        size, late = max(_FEWEST, round(_WINDOW / interval)), _forgotten(interval, cutoff)
         spans = [slice(k, min(k + size, len(time))) for k in range(late, len(time), size)]
         # The last one is a remnant, unless it is the only one.
         spans = [row for row in spans if 2 * (row.stop - row.start) >= size] or spans[:1]
@@ -140,8 +162,7 @@ def measured_noise(
     for row in spans:
         part = seen[row] - seen[row].mean(axis=0)
         size = len(part)
-        free = size if cutoff is None else min(2.0 * _BANDWIDTH * cutoff * interval * size, size)
-        share = max(1.0 - 1.0 / free, 0.1)
+        share = max(1.0 - 1.0 / _independent(size, interval, cutoff), 0.1)
         total += np.sum(part**2, axis=0)
         step += np.sum(np.diff(part, axis=0) ** 2, axis=0) * size / (size - 1)
         kept += size * np.array([1.0 - _lost(tau, size * interval) for tau in relaxation])

@@ -237,7 +237,7 @@ def explained_by_zeros(
     taken = columns @ change
     left = seen - taken
     # What is left is correlated in time: the mean is known as means over stretches tell.
-    stretches = np.array_split(left, min(len(left), _STRETCHES))
+    stretches = np.array_split(left[resting], min(resting.sum(), _STRETCHES))
     means = np.array([part.mean(axis=0) for part in stretches])
     noise = means.var(axis=0, ddof=1) * len(stretches[0]) / resting.sum() + errors.slow / len(means)
     known = np.sum(errors.factor[resting].mean(axis=0) ** 2, axis=1)

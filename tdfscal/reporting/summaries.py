@@ -139,6 +139,8 @@ def capability_report(
     most = [max(found.shares, key=lambda source: found.shares[source][c]) for c in found.worst]
     if request.cutoff is not None:
         most = ["filtered" if source == "noise" else source for source in most]
+    # No filter or weighing cures a path that was not free, or that shows no noise.
+    spoilt = noiseless or any(f.code != "contact-unseen" for f in bad)
     apart = " (noise not counted)" if noiseless else ""
     return Report(
         "Contact that this rig sees",
@@ -152,7 +154,7 @@ def capability_report(
         reasons=tuple(map(told, (*bad, *noiseless))),
         warnings=tuple(told(f) for f in findings if not f.rejects),
         sections=(Section("", blocks),),
-        advice=tuple(dict.fromkeys(_LOWERS[source] for source in most)),
+        advice=() if spoilt else tuple(dict.fromkeys(_LOWERS[source] for source in most)),
     )
 
 
