@@ -111,6 +111,7 @@ CASES = [
     Case("update own.yaml damaged -o out/kept.yaml", 3, "log.parquet"),
     Case("validate own.yaml campaign", 0, "NOT CONTRADICTED"),
     Case("validate own.yaml turned --html out/v.html", 1, "RECALIBRATE"),
+    Case("validate rejected.yaml turned", 1, "NOT FIT FOR USE"),
     Case("validate campaign own.yaml", 2, "a calibration file is wanted here"),
     Case("validate own.yaml damaged", 3, "log.parquet"),
 ]

@@ -42,15 +42,15 @@ def test_so_it_does_for_every_other_fault(name: str) -> None:
         _check(name)
 
 
-@pytest.mark.parametrize("channel", ["NCP1_ActPosY", "TDFS2_Fy"])
+@pytest.mark.parametrize("channel", ["NCP1_ActPosY", "TDFS2_Fy", "TDFS1_Fx TDFS3_Fz"])
 def test_the_line_that_a_refusal_writes_mends_the_rig_file(
     channel: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     """An axis of opposite sign, in a log whose lengths are in mm."""
     folder = Path(__file__).parents[2] / "sample_data" / "csv"
     head, *rows = csv.reader((folder / "log.csv").read_text().splitlines())
-    at = head.index(channel)
-    turned = [[*row[:at], str(-float(row[at])), *row[at + 1 :]] for row in rows]
+    sign = [-1.0 if name in channel.split() else 1.0 for name in head]
+    turned = [[s * float(cell) for s, cell in zip(sign, row, strict=True)] for row in rows]
     with (tmp_path / "log.csv").open("w", newline="") as file:
         csv.writer(file).writerows([head, *turned])
     rig: dict[str, Any] = yaml.safe_load((folder / "rig.yaml").read_text())
@@ -58,8 +58,9 @@ def test_the_line_that_a_refusal_writes_mends_the_rig_file(
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
     with pytest.raises(DataError) as caught:
         calibrate(tmp_path, trials=0)
-    line = re.search(r"`log.supports.(\w+).(\w+): (\[[-0-9., ]+\])`", str(caught.value))
-    assert line is not None
-    rig["log"]["supports"][line[1]][line[2]] = yaml.safe_load(line[3])
+    lines = re.findall(r"`log.supports.(\w+).(\w+): (\[[-0-9., ]+\])`", str(caught.value))
+    assert len(lines) == len(channel.split())
+    for name, key, factors in lines:
+        rig["log"]["supports"][name][key] = yaml.safe_load(factors)
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
     assert np.allclose(calibrate(tmp_path, trials=0).rpy, request.getfixturevalue("sample").rpy)
