@@ -233,6 +233,7 @@ sensor-never-determined warns
   and its turn raises no alarm
 sensor-overdue warns
   the certificate of {subject}'s sensor ended on {due}{before:, before ~|}
+  -> have the sensor of {subject} calibrated or its certificate renewed (`sensor.due` in rig.yaml)
 home-unknown warns
   home is unknown ({why}): these coordinates are about (0, 0, 0) of the BCS
   -> state the LCS origin at home, --home X,Y,Z, or record it beside the rig file

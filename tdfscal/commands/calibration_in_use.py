@@ -27,8 +27,8 @@ from tdfscal.commands.result import (
 )
 from tdfscal.dwells.dwell_means import Thermometer
 from tdfscal.errors import DataError, RigError, UsageError
+from tdfscal.files.calibration.compared import defects
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import MeasuredResult, seconds
 from tdfscal.findings import Finding, Value
@@ -103,7 +103,7 @@ def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None 
     require_agreement(given.rig, other, str(campaign.rig.path))
     used = replace(given.rig, inertia=other.inertia, declared=other.declared)
     papers = other_papers((name, given.rig), (str(campaign.rig.path), other))
-    found = (*defects(name, loaded), *papers)
+    found = (*defects(name, loaded, other if other.sensors else None), *papers)
     return InUse(name, loaded, replace(given, rig=used), campaign, found)
 
 

@@ -12,11 +12,10 @@ from tdfscal.commands.options import Option, silent
 from tdfscal.commands.result import Calibration, CommandResult, read_source
 from tdfscal.errors import RejectedError
 from tdfscal.exports import FORMATS, cautions
-from tdfscal.files.calibration.document import defects
+from tdfscal.files.calibration.compared import defects
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import BCS_FRAME
-from tdfscal.reporting.traceability import Making, overdue
 
 Target = Literal["urdf", "ros", "csv"]
 
@@ -87,7 +86,5 @@ def export(
             where=name,
             hint="use --allow-rejected to export it all the same",
         )
-    text, rig, today = FORMATS[to](loaded, parent), loaded.rig.record(), Making("", ()).created[:10]
-    before = {found.subject for found in overdue(rig, loaded.measured.end[:10])}
-    ended = (found for found in overdue(rig, today, "today") if found.subject not in before)
-    return ExportResult(to, text, loaded, one(output), (*defects(name, loaded), *ended))
+    text = FORMATS[to](loaded, parent)
+    return ExportResult(to, text, loaded, one(output), defects(name, loaded))

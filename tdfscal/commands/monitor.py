@@ -26,8 +26,8 @@ from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
 from tdfscal.comparison.history import Life, life_of
 from tdfscal.comparison.pooling import pool
 from tdfscal.errors import RejectedError, UsageError
+from tdfscal.files.calibration.compared import below_accepted, overdue, unsealed
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
-from tdfscal.files.calibration.document import defects
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, rejecting
 from tdfscal.frozen import record
@@ -38,7 +38,6 @@ from tdfscal.reporting.traceability import (
     Making,
     calibration_fact,
     day_measured,
-    overdue,
     report_digest,
 )
 
@@ -178,7 +177,7 @@ def _findings(life: Life, checks: Sequence[Earlier | Judged]) -> Iterator[Findin
     """What a reader of the history must know of its checks."""
     known = [check for check in checks if isinstance(check, Earlier)]
     for e in known:
-        yield from defects(e.name, e.file)
+        yield from (*below_accepted(e.name, e.file), *unsealed(e.name, e.file))
     if dated := [check.name for check in checks if check.measured.source == "file"]:
         yield Finding("checks-undated", _some(dated))
     never = [name for name, told in zip(life.supports, life.known, strict=True) if not told]

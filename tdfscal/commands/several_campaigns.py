@@ -32,7 +32,7 @@ from tdfscal.comparison.members import Recorded
 from tdfscal.comparison.pooling import Pool, pool
 from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities, with_unmoved
-from tdfscal.files.calibration.document import defects
+from tdfscal.files.calibration.compared import defects
 from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.from_results import from_self
 from tdfscal.files.calibration.statistics import campaign

@@ -21,7 +21,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells
 from tdfscal.reporting.changes import changes
 from tdfscal.reporting.layout import Drawing, Report
-from tdfscal.reporting.traceability import Making, overdue
+from tdfscal.reporting.traceability import Making
 from tdfscal.reporting.validation import Origin, validation_document, validation_report
 from tdfscal.validation import residual_wrench
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
@@ -127,9 +127,7 @@ def validate(
     lost = list[Finding]()
     if isinstance(result, Validation):
         lost = left_out(result.left_out.values(), len(result.dwells))
-    papers = by.rig if by.rig.sensors else use.calibration.rig.record()
-    ended = overdue(papers, when.end[:10], "this check")
-    found = (*use.findings, *own, *past, *lost, *result.findings, *ended)
+    found = (*use.findings, *own, *past, *lost, *result.findings)
     making = Making(command, tuple(log.inputs))
     origin = Origin(use.calibration, use.name, by, when, making)
     return ValidateResult(result, use.calibration, found, origin)

@@ -27,7 +27,7 @@ from tdfscal.reporting.headline import (
     uncounted,
     within,
 )
-from tdfscal.reporting.traceability import not_whole
+from tdfscal.reporting.traceability import expired, not_whole
 from tdfscal.selfcal.result import HARDER
 from tdfscal.significance import MOST_REJECTED
 
@@ -86,10 +86,11 @@ def advise(c: Calibration) -> tuple[str, ...]:
             *(f"If that does not mend it: {other}." for other in others),
             "Do not load this result into a controller; calibrate again first.",
         )
+    renewed = (begun(cure(found), ".") for found in expired(c))
     if c.status == "provisional":
         confirm = "Confirm or correct each line, take out its mark, and calibrate again."
-        return (confirm, *_to_mend(c))
-    return (*_to_measure(c), *_to_mend(c), _proof(c), *_to_improve(c))
+        return (*renewed, confirm, *_to_mend(c))
+    return (*renewed, *_to_measure(c), *_to_mend(c), _proof(c), *_to_improve(c))
 
 
 def _to_measure(c: Calibration) -> Iterator[str]:

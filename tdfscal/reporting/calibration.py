@@ -23,6 +23,7 @@ from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.figures import clock
 from tdfscal.reporting.headline import (
+    coverage,
     draft_lines,
     exact_table,
     half_widths,
@@ -72,7 +73,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         + measured_on(c),
         verdict=c.status.upper(),
         accepted=c.accepted,
-        provisional=c.status == "provisional",
+        provisional=c.status == "provisional" or c.unsealed,
         claim=headline(c) if c.accepted else "",
         reasons=tuple(_reasons(c)),
         tiles=tuple(_tiles(c)),
@@ -116,7 +117,7 @@ def _summary(c: Calibration) -> Table:
         for m, row in zip(c.mounted, half_widths(c), strict=True)
     ]
     rows += [(name, "undetermined", "", "") for name in c.undetermined]
-    caption = f"Installation angles, mrad, 95 %; {_CONVENTION}"
+    caption = f"Installation angles, mrad, {coverage(c)}; {_CONVENTION}"
     return Table(caption, ("sensor", *ANGLES), tuple(rows))
 
 
@@ -137,6 +138,9 @@ def _angles(c: Calibration) -> Table:
     rows += [(name, "undetermined", *[""] * 4) for name in c.undetermined]
     header = ("sensor", "angle", "value", "std. unc.", "95 % interval", "largest source")
     caption = f"Installation angles in the BCS, mrad; {_CONVENTION}"
+    if not c.accepted:
+        header = (*header[:4], "interval", header[5])
+        caption += f"; intervals {coverage(c)}"
     return Table(caption, header, tuple(rows), left=2)
 
 
@@ -234,7 +238,11 @@ def _stated(block: BaseModel, place: str, *keys: str) -> Iterator[tuple[str, str
 
 
 def _tiles(c: Calibration) -> Iterator[Row]:
-    yield "each angle, 95 %", within(c), f"limit ± {rounded(1e3 * c.limit_half_width)} mrad"
+    yield (
+        f"each angle, {coverage(c)}",
+        within(c),
+        f"limit ± {rounded(1e3 * c.limit_half_width)} mrad",
+    )
     yield from layout.residual_tiles(_residual(c))
     if c.motion is not None:
         yield "in motion", f"{c.motion.seconds:.0f} s", "of the log in the fit"
@@ -276,7 +284,7 @@ def _statistics(c: Calibration) -> Iterator[tuple[str, str]]:
     if c.observability is not None:
         alone = "by the log alone, " if c.method == "joint" else ""
         yield "Observability", alone + c.observability.verdict
-    yield "Coverage", _coverage(c)
+    yield "Coverage", _coverage(c) if c.accepted else "none: the result is rejected"
     m, done = c.monte_carlo, "none was made: the intervals are those of the linear uncertainties"
     if m is not None:
         done = f"{m.trials} trials {m.verdict} the linear 95 % intervals"

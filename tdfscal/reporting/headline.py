@@ -91,6 +91,11 @@ def _bounds(half: FloatArray) -> str:
     return f"± {two_digits(1e3 * float(half.max()))} mrad"
 
 
+def coverage(c: Calibration) -> str:
+    """What an interval is; one that its own reasons refute covers nothing in particular."""
+    return "95 %" if c.accepted else "by the stated uncertainties alone"
+
+
 def headline(c: Calibration) -> str:
     """One number for all angles, what it counts, what it does not, and what it rests on.
 
@@ -112,7 +117,8 @@ def _of_the_angles(c: Calibration) -> str:
             f"of the drafted rig file: {_by_key(c, lines)}. If these are right, {said}."
         )
         return " ".join(filter(None, (first, _not_counted(c), *beside)))
-    first = f"You may load these angles: {said}."
+    sealed = ", if nobody edited this file, which does not tell," if c.unsealed else ""
+    first = f"You may load these angles{sealed}: {said}."
     return " ".join(filter(None, (first, _not_counted(c), *_trusted(c), *beside, _limited_by(c))))
 
 

@@ -11,13 +11,13 @@ from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import p_text, rounded, with_std
 from tdfscal.comparison.compatibility import Comparison, in_order_of, judged_together, rpy_std
-from tdfscal.files.calibration.compared import Named, compared
-from tdfscal.files.calibration.document import Calibration, defects
+from tdfscal.files.calibration.compared import Named, compared, defects
+from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.reporting import layout
-from tdfscal.reporting.headline import half_widths, within
+from tdfscal.reporting.headline import coverage, half_widths, within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Section, Table, by_angle, mrad
 from tdfscal.reporting.traceability import Making, content_facts, making_of, measured_on
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
@@ -125,7 +125,7 @@ def several_report(view: Several, making: Making, drawings: tuple[Drawing, ...] 
 def _described(c: Calibration) -> str:
     status = c.status if c.status == "accepted" else c.status.upper()
     method = layout.METHODS[c.method].split(",")[0]
-    return f"{method}{measured_on(c)}, {status}, each angle {within(c)} (95 %)"
+    return f"{method}{measured_on(c)}, {status}, each angle {within(c)} ({coverage(c)})"
 
 
 def _keep(view: Several) -> str:

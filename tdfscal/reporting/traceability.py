@@ -13,7 +13,8 @@ from tdfscal import __version__
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.numbers import probability, rounded
 from tdfscal.estimation.exact_quantities import UNMOVED
-from tdfscal.files.calibration.document import Calibration, file_content, unsealed
+from tdfscal.files.calibration.compared import overdue, unsealed
+from tdfscal.files.calibration.document import Calibration, file_content
 from tdfscal.files.calibration.evidence import ConformityResult
 from tdfscal.files.calibration.parameters import UNCONFIRMED
 from tdfscal.files.calibration.parts import FindingResult, MeasuredResult, instant
@@ -273,19 +274,10 @@ def _by_file(measured: MeasuredResult) -> str:
     return f" ({_SOURCES['file']})" if measured.source == "file" else ""
 
 
-def overdue(rig: Rig, day: str, before: str = "") -> tuple[Finding, ...]:
-    """Sensors whose own certificate had ended on a day; before : what is of that day."""
-    return tuple(
-        Finding("sensor-overdue", (name,), values={"due": due, "before": before})
-        for due, name in rig.certificates
-        if due < day
-    )
-
-
 def _next_due(c: Calibration) -> str:
     """When the next calibration is due, by drift.angle and the sensors; empty where unknown."""
     angle, limit, rig = c.rig.drift.angle, c.rig.acceptance.angle_std, c.rig.record()
-    if ended := overdue(rig, c.measured.end[:10]):
+    if ended := overdue(rig, c.created[:10]):
         first = min(ended, key=lambda found: str(found.values["due"]))
         return f"now: {sentence(first)}{_by_file(c.measured)}"
     due = [(end, f"when the certificate of {name}'s sensor ends") for end, name in rig.certificates]
@@ -309,14 +301,18 @@ def warnings(c: Calibration) -> tuple[str, ...]:
 
 def doubts(c: Calibration) -> tuple[str, ...]:
     """That a file was edited, that its dates cannot be, whose certificate had ended before."""
-    ended = overdue(c.rig.record(), c.measured.end[:10], "this calibration")
-    papers = (f"{sentence(found)}{_by_file(c.measured)}" for found in ended)
+    papers = (f"{sentence(found)}{_by_file(c.measured)}" for found in expired(c))
     return (*map(sentence, unsealed("this calibration", c)), *papers)
+
+
+def expired(c: Calibration) -> tuple[Finding, ...]:
+    """Whose own certificate had ended when the calibration's data were recorded."""
+    return overdue(c.rig.record(), c.measured.end[:10], "this calibration")
 
 
 def expired_sentence(c: Calibration) -> str:
     """Whose own certificate had ended, for the first lines; the warnings have the days."""
-    ended = overdue(c.rig.record(), c.measured.end[:10])
+    ended = expired(c)
     names = ", ".join(name for found in ended for name in found.subject)
     return f"The certificate of the sensor of {names} had expired." if names else ""
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue import sentence, told
+from tdfscal.catalogue import cure, sentence, told
 from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import count, p_text, rounded
 from tdfscal.files.calibration.document import Calibration
@@ -286,6 +286,7 @@ def validation_report(
         figure = "validation"
         left_out = layout.rejected(v.left_out)
     verdict, advice = _verdict(v)
+    ended = (begun(cure(found), ".") for found in findings if found.code == "sensor-overdue")
     return Report(
         title=v.rig.name,
         subtitle="" if origin is None else _about(v, origin),
@@ -307,7 +308,7 @@ def validation_report(
             *(_papers(v, origin) if origin is not None else ()),
         ),
         warnings=tuple(told(found) for found in findings if not _own(v, found)),
-        advice=tuple(advice),
+        advice=(*dict.fromkeys(ended), *advice),
         created="" if origin is None else layout.utc(origin.making.created),
     )  # fmt: skip
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import yaml
 
-from tdfscal import calibrate, validate
+from tdfscal import apply, calibrate, compare, validate
+from tdfscal.catalogue import cure
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.numerics.distributions import coverage_factor
@@ -131,14 +132,24 @@ def test_what_an_error_of_the_tare_does(request: pytest.FixtureRequest, tmp_path
     assert 0.1 * float(told[1]) < moved <= 1.05 * float(told[1])
 
 
-def test_a_check_goes_by_the_papers_of_the_calibration(tmp_path: Path) -> None:
+@pytest.mark.parametrize("day", ["2021-01-01", "2019-01-01"])
+def test_an_ended_certificate_is_told_wherever_the_calibration_is_used(
+    tmp_path: Path, day: str
+) -> None:
+    """Ended before the data were recorded, or since."""
     rig = yaml.safe_load(Path("sample_data/csv/rig.yaml").read_text("utf-8"))
     rig["supports"][1]["sensor"] = {"serial": "T-7", "due": "2020-01-01"}
+    rig["campaign"] = {"date": day}
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig), "utf-8")
-    log = "sample_data/csv/log.csv"
-    found = calibrate([log], rig=tmp_path / "rig.yaml", trials=0, output=tmp_path / "c.yaml")
-    codes = [f.code for f in validate(found, ["sample_data/csv"]).findings]
-    assert "sensor-overdue" in codes
+    c = calibrate(["sample_data/csv/log.csv"], rig=tmp_path / "rig.yaml", trials=0)
+    assert _due(c).startswith("now: ")
+    check = ["sample_data/csv"]
+    for used in (validate(c, check), apply(c, check), compare(c, c)):
+        ended = {f for f in used.findings if f.code == "sensor-overdue"}
+        assert {f.subject for f in ended} == {("ncp2",)}
+    renewed = f"{cure(ended.pop())}.".lower()
+    assert any(renewed == said.lower() for said in validate(c, check).to_report().advice)
+    assert (advise(c)[0].lower() == renewed) is (day > "2020")
 
 
 def _due(c: Calibration) -> str:

@@ -1,7 +1,8 @@
-"""Two calibration files compared by the recordings that both stand on."""
+"""What to know of a calibration file in use; two compared by the recordings both stand on."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +20,8 @@ from tdfscal.comparison.compatibility import (
 )
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import DwellTable, ReadingsTable
+from tdfscal.files.calibration.parameters import UNCONFIRMED
+from tdfscal.files.calibration.parts import instant
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Rig, Rotations
 
@@ -169,3 +172,41 @@ def used_part(c: Calibration) -> tuple[float, float] | None:
     if c.dwells is not None and len(c.dwells.start):
         return float(min(c.dwells.start)), float(max(c.dwells.end))
     return None
+
+
+def defects(name: str, c: Calibration, papers: Rig | None = None) -> tuple[Finding, ...]:
+    """What whoever uses a calibration that goes by `name` must know; nothing where it is sound.
+
+    papers : of the sensors now, where these are not those that were calibrated.
+    """
+    before = overdue(c.rig.record(), c.measured.end[:10], name)
+    ended = {found.subject for found in before}
+    now = overdue(papers or c.rig.record(), instant(time.time())[:10], "today")
+    since = (found for found in now if found.subject not in ended)
+    return (*below_accepted(name, c), *unsealed(name, c), *before, *since)
+
+
+def overdue(rig: Rig, day: str, before: str = "") -> tuple[Finding, ...]:
+    """Sensors whose own certificate had ended on a day; before : what is of that day."""
+    return tuple(
+        Finding("sensor-overdue", (name,), values={"due": due, "before": before})
+        for due, name in rig.certificates
+        if due < day
+    )
+
+
+def below_accepted(name: str, c: Calibration) -> tuple[Finding, ...]:
+    """The gate rejected it, or it rests on lines of a draft, of which two are named."""
+    if not c.accepted:
+        why = "; ".join(reason.text for reason in c.reasons)
+        return (Finding("rejected-in-use", (name,), values={"why": why}),)
+    if c.status != "provisional":
+        return ()
+    lines = [line for entry in c.found(UNCONFIRMED) for line in entry.subject]
+    said = {"lines": lines[:2]}
+    return (Finding("provisional-in-use", (name,), len(lines), values=said),)
+
+
+def unsealed(name: str, c: Calibration) -> tuple[Finding, ...]:
+    """It cannot tell whether it was edited."""
+    return (Finding("calibration-unsealed", (name,)),) if c.unsealed else ()

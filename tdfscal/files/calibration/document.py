@@ -10,7 +10,6 @@ from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import evidence, parts
 from tdfscal.files.calibration.parameters import (
     ALTERED,
-    UNCONFIRMED,
     Parameters,
     check,
     open_as_infinite,
@@ -22,7 +21,6 @@ from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import content_sha256, to_json, to_yaml, write_text
 from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
-from tdfscal.findings import Finding
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.so3 import from_directions
 from tdfscal.records import BoolArray, FloatArray, Rotations
@@ -248,28 +246,6 @@ def _check_method(c: Calibration) -> None:
             raise fault("is missing, though the sensor lacks no axis", "supports", index)
     if not c.determined.any():
         raise fault("have no rotation, none of them", "supports")
-
-
-def defects(name: str, c: Calibration) -> tuple[Finding, ...]:
-    """What whoever uses a calibration that goes by `name` must know; nothing where it is sound."""
-    return (*below_accepted(name, c), *unsealed(name, c))
-
-
-def below_accepted(name: str, c: Calibration) -> tuple[Finding, ...]:
-    """The gate rejected it, or it rests on lines of a draft, of which two are named."""
-    if not c.accepted:
-        why = "; ".join(reason.text for reason in c.reasons)
-        return (Finding("rejected-in-use", (name,), values={"why": why}),)
-    if c.status != "provisional":
-        return ()
-    lines = [line for entry in c.found(UNCONFIRMED) for line in entry.subject]
-    said = {"lines": lines[:2]}
-    return (Finding("provisional-in-use", (name,), len(lines), values=said),)
-
-
-def unsealed(name: str, c: Calibration) -> tuple[Finding, ...]:
-    """It cannot tell whether it was edited."""
-    return (Finding("calibration-unsealed", (name,)),) if c.unsealed else ()
 
 
 def load_calibration(path: Path | str) -> Calibration:
