@@ -53,7 +53,8 @@ def perform(
     Raises TdfscalError by cause.
     """
     # matplotlib is imported when it is known that there is something to draw.
-    from studies import accuracy, arms, campaigns, causes, docking, free_space, sensitivity, table2
+    from studies import accuracy, campaigns, causes, docking, free_space, sensitivity, table2
+    from studies.controlled import simulated
 
     runs = STUDIES[asked.name][1] if asked.runs is None else asked.runs
     if runs < _LEAST and asked.name != "sensitivity":
@@ -75,12 +76,12 @@ def perform(
         first, second = np.random.SeedSequence(asked.seed).spawn(2)
         rng = np.random.default_rng(first)
         progress(f"{runs} campaigns and surveys, simulated and calibrated")
-        own = arms.simulated(rig, survey, runs, rng, campaigns.usual(rig))
+        own = simulated(rig, survey, runs, rng, campaigns.usual(rig))
         if asked.name == "docking":
             study = docking.run(rig, own, second, progress)
         else:
             alone, leading = campaigns.papers_sources(rig), campaigns.LEADING
-            other = arms.simulated(alone, survey, runs, rng, leading)
+            other = simulated(alone, survey, runs, rng, leading)
             study = free_space.run(rig, {"rig": own, "paper": other}, second, progress)
     return study, study.write(asked.output)
 

@@ -10,11 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from studies import controlled
-from studies.arms import ORIGIN, Arm
 from studies.control.contact import GearPair
-from studies.control.gear_survey import survey_error
-from studies.control.reference import advance, require_within
+from studies.control.reference import advance, require_within, survey_error
 from studies.control.runs import PHASES, Controller, Docking, Result
+from studies.controlled import ORIGIN, Arm
 from studies.frame import Beside, Cell, Study, Table
 from studies.statistics import mean, ratio
 from tdfscal.records import BoolArray, FloatArray, Rig

@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from studies import controlled
-from studies.arms import ORIGIN, Arm
 from studies.control.contact import GearPair
 from studies.control.reference import move, require_within
 from studies.control.runs import Controller
+from studies.controlled import ORIGIN, Arm
 from studies.frame import Study, Table
 from studies.statistics import mean, ratio
 from tdfscal.records import FloatArray, Rig
@@ -39,17 +39,8 @@ MOVES = np.array(
     dtype=np.float64,
 )
 _NAMES, _UNITS = ("position", "posture"), ("mm", "mrad")
-
-
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """Moves (M, 2, 6) as `MOVES`, each of `duration` (s) and `rest` (s)."""
-
-    rig: Rig
-    controller: Controller
-    moves: FloatArray
-    duration: float = 10.0
-    rest: float = 40.0
+#: Of a move, and of the rest behind it, s.
+_DURATION, _REST = 10.0, 40.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +64,14 @@ class Deviations:
         return {arm.name: own for arm, own in zip(self.arms, length, strict=True)}
 
 
-def simulate(setup: Setup, arms: tuple[Arm, ...], seed: np.random.SeedSequence) -> Deviations:
+def simulate(
+    rig: Rig, controller: Controller, arms: tuple[Arm, ...], seed: np.random.SeedSequence
+) -> Deviations:
     """Make every move once per calibration and run, with the same draws for all calibrations.
 
     Raises UsageError where moves leave the NCPs' travel, or the loop is unstable.
     """
-    rig, moves = setup.rig, setup.moves
-    pose = Pose(rotations.from_rpy(moves[..., :3]), np.asarray(controlled.HOME) + moves[..., 3:])
+    pose = Pose(rotations.from_rpy(MOVES[..., :3]), np.asarray(controlled.HOME) + MOVES[..., 3:])
     for end, what in enumerate(("initial posture of move", "target posture of move")):
         at = Pose(pose.rotation[:, end], pose.translation[:, end])
         require_within(rig, at, controlled.HOME, controlled.TRAVEL, what)
@@ -88,15 +80,14 @@ def simulate(setup: Setup, arms: tuple[Arm, ...], seed: np.random.SeedSequence) 
         Pose(*(np.repeat(v[:, end], runs, axis=0) for v in (pose.rotation, pose.translation)))
         for end in (0, 1)
     )
-    controller = setup.controller
-    way = move(start, goal, setup.duration, setup.rest, controller.step)
+    way = move(start, goal, _DURATION, _REST, controller.step)
     result = controlled.simulate_lanes(rig, controller, arms, way, seed.spawn(2))
     # Where the encoders have the terminal in the end.
     servo = result.servo.reshape(len(arms), len(goal.rotation), rig.n, 3)
     R, T = rotations.fit(rig.hinge, servo)
     turn = rotations.log(np.swapaxes(goal.rotation, -1, -2) @ R)
     deviation = np.concatenate([T - goal.translation, turn], axis=-1)
-    return Deviations(arms, deviation.reshape(len(arms), len(moves), runs, 6))
+    return Deviations(arms, deviation.reshape(len(arms), len(MOVES), runs, 6))
 
 
 def run(
@@ -113,7 +104,7 @@ def run(
         runs = len(arms[0].truth.mass)
         progress(f"{case}: {len(MOVES)} moves, {runs} runs, {len(arms)} calibrations")
         fresh = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
-        found = simulate(Setup(rig, controller, MOVES), arms, fresh)
+        found = simulate(rig, controller, arms, fresh)
         tables += _tables(case, found)
         for k in (0, 1):
             values, printed = found.lengths(k), PAPER[k][1] / PAPER[k][0]

@@ -120,17 +120,6 @@ def test_a_function_follows_the_work(capsys: pytest.CaptureFixture[str]) -> None
     assert capsys.readouterr().out == "reading the log\n"
 
 
-def test_a_calibration_against_itself_is_drawn(sample: tdfscal.Calibration) -> None:
-    """They are no two results, yet a figure shows the differences."""
-    copy = sample.model_copy()
-    compared = tdfscal.compare(sample, copy)
-    assert not compared.verified
-    for result in (compared, tdfscal.report(sample, copy)):
-        assert isinstance(result.plot(), Figure)
-        (found,) = result.to_dict()["comparisons"]
-        assert found["chi2"] is None
-
-
 @pytest.mark.usefixtures("here")
 def test_a_calibration_serves_as_its_file(sample: tdfscal.Calibration, tmp_path: Path) -> None:
     made = sample

@@ -1,7 +1,6 @@
 """The plan's CSV as a machine reads it, and the command."""
 
 import csv
-import re
 import shutil
 from pathlib import Path
 
@@ -81,14 +80,3 @@ def test_home_is_of_the_recording(turned: bool, campaign: Path, tmp_path: Path, 
     cli("plan", folder, "-o", out, "--home", "1,2,3", "--postures", "8", ends=0)
     origin = np.mean([support["hinge"] for support in document["supports"]], axis=0)
     assert places(out).mean(axis=(0, 1)) == pytest.approx(np.array([1, 2, 3]) + origin, abs=1e-6)
-
-
-def test_a_stiffness_says_what_it_changes(campaign: Path, tmp_path: Path, cli: Cli) -> None:
-    """10 µm of the positioners make 200 N at 20 N/µm, which the forecast counts as a squeeze."""
-    line = ("plan", campaign, "-o", tmp_path / "plan.csv", "--postures", "4", "--squeeze", "50")
-    servoed, stiff = (cli(*line, *more, ends=0).out for more in ((), ("--stiffness", "2e7")))
-    assert "50 N by servoed forces" in servoed
-    assert "against 20 MN/m" in " ".join(stiff.split())
-    assert "scatter adds 200 N at random" in " ".join(stiff.split())
-    mean = [float(re.findall(r"On average (\S+) mrad", out)[0]) for out in (servoed, stiff)]
-    assert mean[1] < mean[0] / 2

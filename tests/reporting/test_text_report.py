@@ -12,7 +12,7 @@ from tdfscal.findings import Finding
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.text import render as as_text
 from tdfscal.reporting.text import shown
-from tests.reporting.samples import NASTY, by_hand, changed, sample, surveyed
+from tests.reporting.samples import NASTY, changed, sample, surveyed
 from tests.words import found
 
 
@@ -79,14 +79,6 @@ def test_all_lines_of_a_draft_stand_in_the_first_paragraph() -> None:
     assert "gravity (line 8); terminal: mass (line 11); supports: hinge, zero, nominal_rpy" in first
     assert "(line 23–25, 28–30, 33–35, 38–40, 43–45, 48–50); log: time, delay, supports" in first
     assert "(line 70–71, 75)" in first
-
-
-def test_intervals_say_their_coverage_factor_and_degrees_of_freedom() -> None:
-    """Half widths of two standard uncertainties: Student's t of 60 degrees of freedom (tables)."""
-    c = sample().calibration
-    assert "95 % intervals, k = 1.96\n" in render(c)
-    wide = render(by_hand(c.model_dump()))
-    assert "95 % intervals, k = 2.00 for 60 degrees of freedom\n" in wide
 
 
 def test_a_terminal_shows_the_same_with_colours(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,10 +17,8 @@ from tdfscal.logs.messages.mcap import messages_of
 from tdfscal.logs.messages.topics import definitions
 from tests.files.logs.log_making import (
     STORE,
-    SUPPORTS,
     definition,
     make_truth,
-    mcap_bytes,
     point_stamped,
     ros,
     small_mcap,
@@ -179,11 +177,6 @@ def test_wrong_messages_are_refused(tmp_path: Path, data: bytes, match: str) -> 
     which = "(a message of /f|the message of /f logged at 2 s)"
     with pytest.raises(DataError, match=f"{which} cannot be read.*({match})"):
         read_log([path], mapping, ("a",))
-
-
-def test_without_mapping_says_what_to_add(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match=r"Add a `log:` block to rig.yaml"):
-        read_log([write(tmp_path / "log.mcap", mcap_bytes(TRUTH))], None, SUPPORTS)
 
 
 def test_topics_with_dots_and_members_of_lists(tmp_path: Path) -> None:
