@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
 from functools import wraps
@@ -17,6 +17,7 @@ from math import inf, isfinite
 from numbers import Integral, Real
 from pathlib import Path
 from reprlib import repr as shortly
+from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from tdfscal.commands.campaign import PathLike, PathLikes, one
@@ -110,24 +111,40 @@ class Described(Option):
         return cls(**told)
 
     def check(self, value: Any) -> None:
-        """Raise UsageError for none of its words, or for what is no number within its bounds."""
-        if value is None:
-            return
+        """Raise UsageError for none of its words or kinds, or a number out of its bounds."""
         where, least, below = self.names[0], self.least, self.below
-        if self.words and value not in self.words:
+        if self.words and value is not None and value not in self.words:
             raise UsageError(f"{value!r} is none of {', '.join(self.words)}", where=where)
-        kinds = (self.python, *get_args(self.python))
-        if int in kinds or (float in kinds and not {str, os.PathLike[str]}.intersection(kinds)):
-            wanted = Integral if int in kinds else Real
-            if not isinstance(value, wanted) or isinstance(value, bool) or value != value:
-                raise UsageError(f"expected a number, got {shortly(value)}", where=where)
-            if least is not None and not least <= float(value) < below:
-                small = float(value) < least
-                what, end = ("small", "") if small else ("large", f", below {below:g}")
-                hint = f"give {least:g} or more{end}"
-                raise UsageError(f"{value} is too {what}", where=where, hint=hint)
+        if self.kind is None:  # only Python has it
+            return
+        kinds = [get_origin(kind) or kind for kind in get_args(self.python) or (self.python,)]
+        number = bool({int, float}.intersection(kinds)) and str not in kinds
+        # Paths and moments say themselves what they take.
+        if value is None and NoneType in kinds:
+            return
+        if value is None or not (self.words or {os.PathLike, datetime}.intersection(kinds)):
+            taken = tuple(_TAKEN.get(kind, (kind, ""))[0] for kind in kinds)
+            unlike = isinstance(value, bool) is not (bool in kinds) or (number and value != value)
+            if value is None or unlike or not isinstance(value, taken):
+                wanted = self.words or [_TAKEN[kind][1] for kind in kinds if kind in _TAKEN]
+                told = " or ".join(dict.fromkeys(wanted)) or "a path"
+                raise UsageError(f"expected {told}, got {shortly(value)}", where=where)
+        if number and least is not None and not least <= float(value) < below:
+            small = float(value) < least
+            what, end = ("small", "") if small else ("large", f", below {below:g}")
+            hint = f"give {least:g} or more{end}"
+            raise UsageError(f"{value} is too {what}", where=where, hint=hint)
 
 
+#: Kinds of value: what is taken for one, and what it is called.
+_TAKEN: dict[Any, tuple[Any, str]] = {
+    float: (Real, "a number"),
+    int: (Integral, "a number"),
+    bool: (bool, "True or False"),
+    str: (str, "text"),
+    Sequence: (Iterable, "a list"),
+    Mapping: (Mapping, "a mapping"),
+}
 #: A function's parameter that gets the line that asks for it, and that no user sees.
 _LINE = "command"
 

@@ -77,7 +77,7 @@ def simulate(
     """
     scenario = scenario.lower()
     check_folder(as_path(folder))
-    loaded = rig_file(rig) if rig else None
+    loaded = rig_file(rig) if rig is not None else None
     progress(f"simulating {postures} postures")
     played = simulate_to_folder(
         Path(folder),

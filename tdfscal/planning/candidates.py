@@ -74,13 +74,13 @@ def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> Flo
     for name, value in sorted(entries.items(), key=lambda item: item[0] is not None):
         if name is not None and name not in rig.supports:
             hint = f"the rig has {', '.join(rig.supports)}"
-            raise UsageError(f"there is no support {name!r}", where="travel", hint=hint)
+            raise UsageError(f"there is no support {name!r}", where="--travel", hint=hint)
         if len(value) not in (1, 3):
             raise UsageError(
-                f"{len(value)} ranges are given", where="travel", hint="give one, or x, y and z"
+                f"{len(value)} ranges are given", where="--travel", hint="give one, or x, y and z"
             )
         if not min(value) >= 0.0:
-            raise UsageError("a range is negative", where="travel", hint="give metres")
+            raise UsageError("a range is negative", where="--travel", hint="give metres")
         travel[slice(None) if name is None else rig.supports.index(name)] = value
     return travel
 

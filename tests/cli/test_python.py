@@ -2,11 +2,14 @@
 
 import inspect
 import json
+import os
 import re
 import shutil
 from collections.abc import Hashable
+from datetime import datetime
 from pathlib import Path
-from typing import Any
+from types import NoneType
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
@@ -130,3 +133,14 @@ def test_a_calibration_serves_as_its_file(sample: tdfscal.Calibration, tmp_path:
     tdfscal.apply(tmp_path / "c.json", "campaign", output=tmp_path / "w.csv")
     written = csv.read_csv(tmp_path / "w.csv").to_pandas()
     pd.testing.assert_frame_equal(frame, written, check_exact=True)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_what_is_of_no_kind_that_an_option_takes_is_refused(command: str) -> None:
+    """None where it says nothing, and a class, which no option takes."""
+    for option in app.described(command).parameters:
+        kinds = get_args(option.python)
+        if {os.PathLike[str], datetime}.isdisjoint(kinds):  # these are read before they are refused
+            for given in {None, object} - ({None} if NoneType in kinds else set()):
+                with pytest.raises(tdfscal.UsageError, match=r"expected|is none of"):
+                    option.check(given)
