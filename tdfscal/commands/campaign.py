@@ -69,13 +69,19 @@ def kind_of(path: Path) -> str:
     with suppress(OSError):
         if path.is_file():
             with path.open("rb") as file:
-                head = file.read(_HEAD).replace(b'"', b"")
+                head = file.read(_HEAD)
                 file.seek(max(0, file.seek(0, 2) - _TAIL))
-                if found := _FORMAT.search(head):
-                    return RIG if found[1] == b"rig" else CALIBRATION
-                if _OWN.search(head) or _QUANTITY in file.read():
-                    return RESULT
+                if found := kind_by(head, file.read()):
+                    return found
     return LOG if is_log(path) else ""
+
+
+def kind_by(head: bytes, tail: bytes) -> str:
+    """Tell a RIG, CALIBRATION or other RESULT by how it begins and ends; nothing for all else."""
+    head = head[:_HEAD].replace(b'"', b"")
+    if found := _FORMAT.search(head):
+        return RIG if found[1] == b"rig" else CALIBRATION
+    return RESULT if _OWN.search(head) or _QUANTITY in tail[-_TAIL:] else ""
 
 
 def listed(paths: PathLikes) -> list[Path]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from html import escape
 from os import PathLike
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from tdfscal.catalogue import documents
-from tdfscal.commands.campaign import CALIBRATION, RESULT, kind_of
+from tdfscal.commands.campaign import CALIBRATION, RESULT, kind_by, kind_of
 from tdfscal.errors import DataError, UsageError, expect, without_exponent
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
@@ -269,14 +270,15 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
         known = source if isinstance(source, Calibration) else Calibration.of(source)
         return IN_MEMORY, known
     if str(source) == "-":
-        name = "standard input"
-        return name, Calibration.of(parse_calibration(sys.stdin.buffer.read(), name))
-    path = as_path(source)
-    protect([path])
-    kind = kind_of(path)
+        name, raw = "standard input", sys.stdin.buffer.read()
+        kind, read = kind_by(raw, raw), partial(parse_calibration, raw, name)
+    else:
+        path = as_path(source)
+        protect([path])
+        name, kind, read = str(path), kind_of(path), partial(load_file, path)
     try:
         if kind in ("", CALIBRATION, RESULT):  # of a long one the head does not tell
-            return str(path), Calibration.of(load_file(path))
+            return name, Calibration.of(read())
     except DataError as error:
         if kind == CALIBRATION:
             raise
@@ -284,7 +286,7 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
             raise UsageError(error.what, where=error.where, hint=error.hint) from error
     raise UsageError(
         f"is {kind}; a calibration file is wanted here",
-        where=str(path),
+        where=name,
         hint="name the .yaml or .json file that calibrate wrote",
     )
 

@@ -112,6 +112,10 @@ def as_path(given: str | PathLike[str]) -> Path:
     except (ValueError, OSError) as fault:
         if isinstance(fault, ValueError) or fault.errno == errno.ENAMETOOLONG:
             raise unreadable(path, fault) from fault
+    # One that a shell opened has no name of its own, and a writer.
+    if path.is_fifo() and path.resolve().is_fifo():
+        hint = "name a file, or - for standard input"
+        raise UsageError("is a pipe, which may never end", where=str(path), hint=hint)
     return path
 
 

@@ -1,6 +1,7 @@
 """Every command: its exit statuses, what goes to which stream, and `--json`."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -187,3 +188,8 @@ def test_a_pipe_in_and_out(home: Path) -> None:
     assert (done.returncode, done.stderr) == (0, b"")
     (found,) = json.loads(done.stdout)["calibrations"]
     assert found["format"] == "tdfscal-calibration/1"
+    # What is no calibration is one mistake by its path and by standard input; a pipe may never end.
+    for other in (b"", b"a: 1\n", b"\x89PNG", b"format: tdfscal-rig/1\n"):
+        assert program("report", "-", input=other, cwd=home).returncode == UsageError.exit_status
+    os.mkfifo(home / "pipe")
+    assert program("report", "pipe", cwd=home, timeout=20).returncode == UsageError.exit_status
