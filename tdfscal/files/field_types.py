@@ -49,6 +49,10 @@ class Strict(BaseModel):
         from_attributes=True,
     )
 
+    def __hash__(self) -> int:
+        """By what is stated, since a mapping among its values has no hash."""
+        return hash((type(self), frozenset(self.model_fields_set)))
+
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
     """Return a key of a file: what it says, for the published schema, and its default."""
