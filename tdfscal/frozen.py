@@ -10,6 +10,7 @@ from collections.abc import Hashable
 from dataclasses import FrozenInstanceError, dataclass, field, replace
 from functools import partial
 from reprlib import recursive_repr
+from textwrap import shorten
 from typing import Any, dataclass_transform
 
 __all__ = ["FrozenInstanceError", "field", "record", "replace"]
@@ -58,8 +59,15 @@ def _token(value: Any) -> object:
 @recursive_repr()
 def _repr(self: Any) -> str:
     shown = (f.name for f in self.__dataclass_fields__.values() if f.repr)
-    inside = ", ".join(f"{name}={getattr(self, name)!r}" for name in shown)
+    inside = ", ".join(f"{name}={_shown(getattr(self, name))}" for name in shown)
     return f"{type(self).__qualname__}({inside})"
+
+
+def _shown(value: Any) -> str:
+    """Of an array its shape, all else as it is, shortened."""
+    if shape := getattr(value, "shape", ()):
+        return f"<array {'×'.join(map(str, shape))}>"
+    return shorten(repr(value), 200)
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(field,))

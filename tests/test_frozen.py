@@ -4,9 +4,11 @@ import copy
 import pickle
 from dataclasses import FrozenInstanceError, replace
 
+import numpy as np
 import pytest
 
 from tdfscal.findings import Finding
+from tdfscal.records import UncertainValue
 
 
 def test_a_record_is_a_frozen_value() -> None:
@@ -15,6 +17,7 @@ def test_a_record_is_a_frozen_value() -> None:
     assert replace(one, subject=("b",)) == other
     assert copy.copy(one) == pickle.loads(pickle.dumps(one)) == one
     assert eval(repr(one)) == one
+    assert repr(UncertainValue(np.ones((9, 3)), np.ones(3))).count("9×3") == 1
     for name in ("code", "colour"):
         with pytest.raises(FrozenInstanceError):
             setattr(one, name, "x")

@@ -113,7 +113,7 @@ class Planner:
         """Choose `count` candidates, the one that tells most first."""
         if count > len(self.pool):
             what = f"{count} postures are to be chosen from {len(self.pool)} candidates"
-            raise UsageError(what, hint="ask for more candidates")
+            raise UsageError(what, hint="ask for fewer postures")
         if count not in self._selected:
             base = self.held + count * self.scatter
             chosen, covariance = choose(self.rows, base, self.objective, count)
