@@ -35,6 +35,7 @@ _AS_STATED = 1.05
 Source = tuple[tuple[str, str], dict[str, Any]]
 
 _CODES = {"load": "alarm-load", "step": "alarm-step", "creep": "alarm-creep"}
+_ALARMS = (*_CODES.values(), "alarm-together")
 
 
 def day(month: float) -> str:
@@ -69,8 +70,9 @@ def finding(life: Life, alarm: Alarm) -> Finding:
 class History:
     """A rig's history.
 
-    findings : what its reader must know; those that reject are of campaigns that take no part,
-    though the result wants them, and are said first. checks : what each was, in the order of time.
+    findings : what its reader must know, alarms too; others that reject are of campaigns that take
+    no part, though the result wants them, and are said first. checks : what each was, in the order
+    of time.
     making : of what all was made.
     """
 
@@ -88,14 +90,17 @@ class History:
     @property
     def verdict(self) -> str:
         """In a word; where nothing is known of a campaign, that there is no alarm is too much."""
-        unjudged = rejecting(self.findings)
-        return "alarm" if self.alarms else "not all judged" if unjudged else "no alarm"
+        return "alarm" if self.alarms else "not all judged" if self._unjudged else "no alarm"
+
+    @property
+    def _unjudged(self) -> list[Finding]:
+        return [found for found in rejecting(self.findings) if found.code not in _ALARMS]
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out verdict, what was not judged, alarms, state, angles."""
-        life, alarms, unjudged = self.life, self.alarms, rejecting(self.findings)
+        life, alarms, unjudged = self.life, self.alarms, self._unjudged
         lost = [found for found in self.findings if found.code in _NO_PART]
-        raised = [finding(life, alarm) for alarm in alarms]
+        raised = [found for found in self.findings if found.code in _ALARMS]
         slipped = any(found.values.get("cause") == _SLIP for found in unjudged)
         # The slip's own cure says it.
         cures = [cure(found) for found in raised if not (slipped and found.code == "alarm-step")]
@@ -161,6 +166,14 @@ class History:
         )  # fmt: skip
 
 
+def _smallest(life: Life) -> str:
+    """The turn of each sensor, mrad, from which on the last check shows it."""
+    seen = zip(life.supports, life.detectable.max(axis=1), strict=True)
+    return ", ".join(
+        f"{name} {rounded(1e3 * x)} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen
+    )
+
+
 def _chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
     """What the chart asks, how often it errs, and which step it sees."""
     *shorter, longest = map(str, WINDOWS)
@@ -171,14 +184,10 @@ def _chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
         f"({rounded(life.level[-1])} for the last), so that an unchanged rig raises at most "
         f"{rounded(life.rate)} false alarms a year, however often it is checked{FIXED}"
     )
-    seen = zip(life.supports, life.detectable.max(axis=1), strict=True)
-    sizes = (
-        f"{name} {rounded(1e3 * x)} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen
-    )
     step = (
         f"had a sensor turned just before the last check ({day(life.month[-1])}), that check alone "
         f"would have shown it with {DETECTION_POWER:.0%} probability from this size on: "
-        f"{', '.join(sizes)}"
+        f"{_smallest(life)}"
     )
     return ("Decision rule", rule), ("Smallest step that is seen", step)
 
@@ -190,6 +199,7 @@ def _facts(life: Life, alarms: tuple[Alarm, ...], lost: int, due: str) -> Iterat
     yield "checks", f"{len(life.names)}{time}" + f"; {lost} more left out" * bool(lost)
     yield "alarms", f"{len(alarms)}" + " in the checks judged" * bool(lost)
     yield "false alarms", f"at most {rounded(life.rate)} a year while nothing changes"
+    yield "smallest turn seen", _smallest(life)
     stated = f"the rig file states {rounded(1e3 * life.declared)} mrad/√month"
     walk = f"{stated}; checks or days are too few to estimate it"
     if life.walk is not None:
@@ -262,6 +272,7 @@ def _where(values: Any, seen: Any) -> list[Any]:
 
 
 def _alarm(life: Life, alarm: Alarm) -> dict[str, Any]:
+    found = finding(life, alarm)
     return layout.document(
         alarm,
         "kind turn turn_std=std p_value",
@@ -270,5 +281,6 @@ def _alarm(life: Life, alarm: Alarm) -> dict[str, Any]:
         onset_check=life.names[alarm.onset],
         raised=day(life.month[alarm.raised]),
         per="month" if alarm.kind == "creep" else None,
-        text=sentence(finding(life, alarm)),
+        code=found.code,
+        text=sentence(found),
     )

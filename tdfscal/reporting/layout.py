@@ -187,15 +187,19 @@ def mrad(values: Any, form: str = ".3f") -> Cell:
     return lambda i, j: format(1e3 * values[i, j], form)
 
 
-def residual_table(found: Mapping[str, ResidualWrench], where: str) -> Table:
-    """What is left of force and moment."""
-    rows = tuple(
-        (name, *(f"{rounded(size, 3)} {WRENCH[name]}" for size in
-                 (w.rms_before, w.rms_after, w.max_before, w.max_after)))
-        for name, w in found.items()
-    )  # fmt: skip
-    header = ("", "rms before", "rms after", "largest before", "largest after")
-    return Table(f"Residual contact wrench, {where}", header, rows)
+def residual_table(
+    found: Mapping[str, ResidualWrench], where: str, expected: Mapping[str, float] | None = None
+) -> Table:
+    """What is left of force and moment; expected : rms by the uncertainties, by the same names."""
+    rows = []
+    for name, w in found.items():
+        sizes = [w.rms_before, w.rms_after, w.max_before, w.max_after]
+        sizes += [expected[name]] if expected else []
+        told = (f"{rounded(x, 3)} {WRENCH[name]}" if math.isfinite(x) else "unknown" for x in sizes)
+        rows.append((name, *told))
+    header = ("", "rms before", "rms after", "largest before", "largest after", "rms expected")
+    cut = header if expected else header[:-1]
+    return Table(f"Residual contact wrench, {where}", cut, tuple(rows))
 
 
 def residual_tiles(found: Mapping[str, ResidualWrench]) -> tuple[Row, ...]:

@@ -29,7 +29,9 @@ _RULE = (
     f"{INCOMPATIBLE:.0%} at most are called incompatible. E_n, a difference divided by its "
     f"expanded uncertainty U ({_K}), only shows where they differ: of many angles some exceed 1 by "
     "chance. A change of one angle as large as in the column detectable would have been seen with "
-    f"{DETECTION_POWER:.0%} probability."
+    f"{DETECTION_POWER:.0%} probability. Both count as independent: what "
+    "both state alike (gains, hinges, load) is in both uncertainties, so that fewer are called "
+    "incompatible."
 )
 _DEPARTED = (
     "Validate the newest on a held-out log (tdfscal validate).",

@@ -266,6 +266,13 @@ def _residual(v: Tested) -> dict[str, ResidualWrench]:
     }
 
 
+def _expected(v: Validation) -> dict[str, float]:
+    """Root mean square of force, N, and moment, N·m, by the uncertainties; ∞ where unknown."""
+    variance = np.square(v.std).reshape(-1, 2, 3).sum(axis=2)
+    force, moment = np.sqrt(variance.mean(axis=0))
+    return {"force": float(force), "moment": float(moment)}
+
+
 def validation_report(
     v: Tested,
     findings: Sequence[Finding],
@@ -282,7 +289,7 @@ def validation_report(
         left_out = layout.stretches(v.rejected)
     else:
         tested = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
-        table = layout.residual_table(found, "LCS, about its origin")
+        table = layout.residual_table(found, "LCS, about its origin", _expected(v))
         figure = "validation"
         left_out = layout.rejected(v.left_out)
     verdict, advice = _verdict(v)
