@@ -104,7 +104,10 @@ Home = Annotated[
 Stiffness = Annotated[
     float | None,
     Option(
-        "of an NCP, N/m: squeeze by displacements; else by servoed forces", metavar="N/M", least=1.0
+        "of an NCP, N/m: squeeze by displacements; else by servoed forces",
+        metavar="N/M",
+        least=1.0,
+        below=1e12,
     ),
 ]
 Noise = Annotated[

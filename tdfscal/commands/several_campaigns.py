@@ -293,6 +293,7 @@ def _campaigns(reads: Sequence[Judged], pooled: Pool) -> tuple[CampaignResult, .
             name=read.name,
             measured=read.measured,
             inputs=tuple(read.log.inputs),
+            rig_sha256=read.log.campaign.rig.sha256,
             span=read.span,
             postures=0 if member.fit is None else int(np.sum(member.fit.weight > 0)),
             chi2=member.chi2,

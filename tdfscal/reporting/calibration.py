@@ -221,7 +221,7 @@ def _as_stated(rig: RigFile) -> Iterator[tuple[str, str]]:
     for name in ("gravity", "terminal", "uncertainty", "drift"):
         yield from _stated(getattr(rig, name), name)
     for support in rig.supports:
-        yield from _stated(support, support.name, "zero")
+        yield from _stated(support, support.name, "hinge", "nominal_rpy", "zero")
 
 
 def _stated(block: BaseModel, place: str, *keys: str) -> Iterator[tuple[str, str]]:
@@ -233,7 +233,12 @@ def _stated(block: BaseModel, place: str, *keys: str) -> Iterator[tuple[str, str
             yield from _stated(value, f"{place}.{key}")
         elif value:
             each = (value.value, value.std) if hasattr(value, "std") else (value,)
-            said = (bracketed([f"{number:.9g}" for number in np.ravel(one)]) for one in each)
+            said = (
+                bracketed([f"{number:.9g}" for number in np.ravel(one)])
+                if np.isfinite(one).all()
+                else "unknown"
+                for one in each
+            )
             yield f"{place}.{key}", f"{', std '.join(said)} {unit[0] if unit[1] else ''}"
 
 

@@ -89,6 +89,11 @@ def content_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
         ("Method", METHODS[c.method] + _ESTIMATORS[c.estimator]),
         ("Content", digest_told(c)),
         ("Rig file", f"{c.rig.name}, SHA-256 {c.rig.sha256}"),
+        *(
+            ("Rig file", f"of {one.name}, SHA-256 {one.rig_sha256}")
+            for one in c.campaigns
+            if one.rig_sha256 not in (None, c.rig.sha256)
+        ),
         ("Taken as exact", exact_names(c)),
     )
 

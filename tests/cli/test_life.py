@@ -1,5 +1,6 @@
 """Several campaigns, `update` and `monitor` as users run them, on simulated months."""
 
+import hashlib
 import json
 import re
 import shutil
@@ -67,6 +68,9 @@ def test_a_draft_s_lines_are_named_by_all_that_stands_on_them(months: Path, tmp_
     assert earlier.status == "accepted"
     for found in (tdfscal.calibrate([first, marked], trials=0), tdfscal.update(earlier, marked)):
         assert found.status == "provisional"
+        own = [one.rig_sha256 for one in found.campaigns]
+        assert own[-1] == hashlib.sha256((marked / "rig.yaml").read_bytes()).hexdigest()
+        assert len(set(own)) == len(own)
         (draft,) = found.found("draft-unconfirmed")
         assert [line.split(":")[0] for line in draft.subject] == ["supports.ncp1.hinge"]
 

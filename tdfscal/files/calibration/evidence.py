@@ -21,6 +21,7 @@ from tdfscal.files.field_types import (
     Positive,
     PositiveCount,
     Probability,
+    Sha256,
     Strict,
     Text,
     Vector,
@@ -194,6 +195,7 @@ class CampaignResult(Strict):
     name: Text = key("its folder")
     measured: MeasuredResult = key("when it was recorded")
     inputs: tuple[Input, ...] = key("its files")
+    rig_sha256: Sha256 | None = key("of its rig file", None)
     zero: OpenRows = key("N: its own zeros, per sensor; null where not measured")
     zero_std: OpenStdRows = key("N: their standard uncertainties; null where open")
     terminal: TerminalResult = key("its own mass and barycentre")

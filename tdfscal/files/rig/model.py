@@ -212,7 +212,7 @@ class Uncertainty(Strict):
     hinge: Amount = key("m: each coordinate of each hinge", 0.0)
     datum: Amount = key("m: constant offset of an NCP's servo coordinates, per axis", 0.0)
     force_noise: Amount = key("N: per axis and posture, beyond the standard error of the mean", 0.0)
-    force_sensitivity: Amount = key("relative gain and crosstalk of a sensor", 0.0)
+    force_sensitivity: Amount = key("relative: gain and crosstalk of a sensor", 0.0)
     hinge_moment: Amount = key("N·m: friction of the hinges, per axis and posture", 0.0)
     compliance: Compliance = block("what gives between encoder and hinge", Compliance)
 
