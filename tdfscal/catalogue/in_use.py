@@ -199,13 +199,13 @@ alarm-together rejects
   -> look for what was loosened, exchanged or knocked at the sensors named, then calibrate anew and
     go on from there, without the older files
 alarm-step rejects
-  {subject} has turned by {size} ± {spread} (k = {k:g}) {since}, by {change:rad} about the BCS
-  axes{late:; seen on ~|} ({check}; {p})
+  {subject} has turned by {size} ± {spread} (95 %) {since}, by {change:rad}, ± {change_95:rad},
+  about the BCS axes{late:; seen on ~|} ({check}; {p})
   -> look for what was loosened, exchanged or knocked at the sensors named, then calibrate anew and
     go on from there, without the older files
 alarm-creep rejects
-  {subject} creeps by {size} ± {spread} a month (k = {k:g}) since about {onset}, by {change:rad}
-  about the BCS axes{late:; seen on ~|} ({check}; {p})
+  {subject} creeps by {size} ± {spread} a month (95 %) since about {onset}, by {change:rad},
+  ± {change_95:rad}, about the BCS axes{late:; seen on ~|} ({check}; {p})
   -> look for what works loose or settles at the sensors named; calibrate more often, or declare
     drift.angle where this pace is the rig's own
 campaign-unsound rejects

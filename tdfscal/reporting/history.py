@@ -15,6 +15,7 @@ from tdfscal.comparison.control_chart import WINDOWS, Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.frozen import record
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import Rig
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures import date_of
@@ -53,11 +54,11 @@ def finding(life: Life, alarm: Alarm) -> Finding:
         since = f"between {last} and {day(life.month[onset])}"
     if last == day(life.month[onset]):
         since = f"between {names[before[-1]]} and {names[onset]}"
-    half = COVERAGE_FACTOR * alarm.size_std
     values: dict[str, Value] = {
         "since": since, "check": names[onset], "onset": day(life.month[onset]), "raised": raised,
         "late": "" if alarm.raised == onset else raised, "change": alarm.turn.tolist(),
-        "change_95": [half] * 3, "std": half, "k": COVERAGE_FACTOR,
+        "change_95": (INTERVAL_FACTOR * alarm.std).tolist(),
+        "std": INTERVAL_FACTOR * alarm.size_std,
     }  # fmt: skip
     if alarm.sensor is None:
         code = _CODES[alarm.kind] if alarm.kind == "load" else "alarm-together"
@@ -104,6 +105,8 @@ class History:
         slipped = any(found.values.get("cause") == _SLIP for found in unjudged)
         # The slip's own cure says it.
         cures = [cure(found) for found in raised if not (slipped and found.code == "alarm-step")]
+        if self.verdict == "no alarm":
+            cures = ["check again in a month, and after every work on the rig: tdfscal validate"]
         due = _due(life, alarms, slipped=slipped)
         if self.rig.certificates:
             ends, name = min(self.rig.certificates)
