@@ -33,7 +33,7 @@ from tdfscal.model.parameters import (
     with_motions,
 )
 from tdfscal.numerics import so3
-from tdfscal.numerics.information import Contrast, Information
+from tdfscal.numerics.information import Contrast, Information, contrast
 from tdfscal.records import ExactMoves, FloatArray, JointPrior, Rig
 from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.outliers import fit_robust
@@ -196,7 +196,7 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         references = shared.moved(references, move)
         settled = bool(np.all(np.abs(move) < _SETTLED * np.sqrt(np.diag(posterior.covariance))))
     members = [
-        _member(shared, k, item, fits[k], reduced[k], references[k], rejected[k], known)
+        _member(shared, k, item, fits[k], reduced[k], references, rejected[k], known)
         for k, (item, known) in enumerate(zip(ordered, walk.before(), strict=True))
     ]
     return Pool(shared, references, walk, tuple(members))
@@ -208,19 +208,22 @@ def _member(
     item: Recorded,
     at: Fit | None,
     part: Observation,
-    reference: State,
+    references: Sequence[State],
     rejected: dict[int, Finding],
     known: Information,
 ) -> Member:
     """A campaign within the pool; known : before it, from those before it."""
     if (earlier := item.earlier) is not None:
         chi2, dof = earlier.chi2, earlier.dof
+    elif item.estimate is not None:  # without rows: how far it departs where it tells anything
+        told = part.information.beside(shared.stated(references))
+        chi2, dof = contrast(known, told).chi2()
     else:
         chi2, dof = _fresh(known, part), part.rows
         # Constants of which nothing was stated are determined by the first that has them.
         if shared.terminal[index] == index:
             dof -= unstated(Priors(item.rig), load_alone=index > 0)
-    state = item.own_state(at, part, reference)
+    state = item.own_state(at, part, references[index])
     exact = item.scores(at, part, shared.places[index])
     return Member(item, part, at, state, rejected, chi2, dof, exact)
 

@@ -47,7 +47,9 @@ def test_the_parts_before_and_behind_a_jump_are_joined(
     update = ("update", before, campaign, "--trials", 0, "-o", found, "-q")
     middle = float(cure[3]) + 20
     cli(*update, "--from", cure[3], *(["--to", middle] if moving else []), ends=0)
-    near_truth(json.loads(found.read_text()), campaign)
+    both = json.loads(found.read_text())
+    near_truth(both, campaign)
+    assert both["fit"]["p_value"] > 1e-3  # what neither part tells is held against neither
     # What went in already is not taken twice; what did not is.
     assert "holds the same recording" in cli(*update, "--from", float(cure[3]) / 2, ends=2).err
     if moving:
