@@ -1,6 +1,5 @@
 """`tdfscal info` on odd logs: units that cannot be, clocks of no use, files of no table."""
 
-import functools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,12 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from mcap.reader import make_reader
-from mcap.records import Channel, Message, Schema
-from mcap.writer import Writer
 
 import tdfscal
 from tests.cli.running import SAMPLES, Cli
+from tests.files.logs.log_making import (
+    STAMPED,
+    SUPPORTS,
+    point_stamped,
+    small_mcap,
+    wrench_stamped,
+    write,
+)
 
 NAMES, *_ = (SAMPLES / "csv/log.csv").read_text().splitlines()
 ROWS = np.loadtxt(SAMPLES / "csv/log.csv", delimiter=",", skiprows=1)[:1500]
@@ -89,58 +93,36 @@ def test_units_of_the_header_that_cannot_be(
     assert said is None or said in doubts[0]
 
 
-@functools.cache
-def sample_messages() -> list[tuple[Schema | None, Channel, Message]]:
-    with (SAMPLES / "mcap/log.mcap").open("rb") as source:
-        return list(make_reader(source).iter_messages())
-
-
-def restamped(target: Path, topic: str, stamp: Callable[[int, int], int]) -> Path:
-    """The sample recording with other times on one topic, in ns: of (message, time as it is)."""
-    count = 0
-    with target.open("wb") as sink:
-        writer = Writer(sink)
-        writer.start(profile="ros2", library="tests")
-        ids: dict[str, int] = {}
-        for schema, channel, message in sample_messages():
-            assert schema is not None
-            if channel.topic not in ids:
-                kind = writer.register_schema(schema.name, schema.encoding, schema.data)
-                ids[channel.topic] = writer.register_channel(
-                    channel.topic, channel.message_encoding, kind
-                )
-            data = bytearray(message.data)
-            if channel.topic == topic:
-                sec, nanosec = (int(n) for n in np.frombuffer(data, "<u4", 2, 4))
-                new = stamp(count, sec * 10**9 + nanosec)
-                data[4:12] = np.array(divmod(new, 10**9), "<u4").tobytes()
-                count += 1
-            writer.add_message(
-                ids[channel.topic], message.log_time, bytes(data), message.publish_time
-            )
-        writer.finish()  # type: ignore[no-untyped-call]
-    assert count
-    return target
-
-
 @pytest.mark.parametrize(
     ("stamp", "why"),
     [
-        (lambda k, t: 0, "repeat the time of the sample before"),
-        (lambda k, t: t // 10**9 * 10**9, "repeat the time of the sample before"),
-        (lambda k, t: t + 3 * 10**9 * (k > 2500), "depart"),
+        (lambda k, t: 0.0, "repeat the time of the sample before"),
+        (lambda k, t: t // 1.0, "repeat the time of the sample before"),
+        (lambda k, t: t + 3.0 * (k > 100), "depart"),
     ],
 )
 def test_header_times_that_cannot_be_used(
-    cli: Cli, tmp_path: Path, stamp: Callable[[int, int], int], why: str
+    cli: Cli, tmp_path: Path, stamp: Callable[[int, float], float], why: str
 ) -> None:
-    path = restamped(tmp_path / "log.mcap", "/tdfs2/wrench", stamp)
-    found = told(cli, path)
+    """Those of one topic."""
+    messages = []
+    for k in range(200):
+        when = 100.0 + 0.02 * k
+        for name in SUPPORTS:
+            header = stamp(k, when) if name == "ncp2" else when
+            for topic, data in (
+                ("position", point_stamped(when, (1.0, 2.0, 3.0))),
+                ("wrench", wrench_stamped(header, (4.0, 5.0, 6.0))),
+            ):
+                messages.append((f"/{name}/{topic}", round(when * 1e9), data))
+    kinds = {"position": STAMPED["/p"], "wrench": STAMPED["/f"]}
+    channels = {f"/{name}/{topic}": kinds[topic] for name in SUPPORTS for topic in kinds}
+    found = told(cli, write(tmp_path / "log.mcap", small_mcap(channels, messages)))
     assert found["mapping"]["log"]["time"] == {"source": "log"}
     note = next(n for n in found["mapping_notes"] if n.startswith("time source: log"))
     assert why in note
-    assert "/tdfs2/wrench" in note
-    assert found["dwells"]["count"] == 16
+    assert "/ncp2/wrench" in note
+    assert {round(s["rate"]) for s in found["signals"]} == {50}
 
 
 @pytest.mark.parametrize("rows", [-200, 3, 25])

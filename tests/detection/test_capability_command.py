@@ -210,22 +210,6 @@ def test_a_plan_is_a_path(places: Places, tmp_path: Path) -> None:
     assert found.to_dict()["for_machine"] is False
 
 
-@pytest.mark.parametrize(
-    ("line", "said"),
-    [
-        (("--false-stops", "0"), "--false-stops"),
-        (("--detect", "1"), "--detect"),
-        (("--filter", "120"), "--filter"),
-        (("--filter", "-3"), "--filter"),
-        (("--at", "1,2"), "--at"),
-    ],
-)
-def test_what_cannot_be_asked(places: Places, cli: Cli, line: tuple[str, str], said: str) -> None:
-    seen = cli("capability", places.calibration, places.free, *line, ends=2)
-    assert said in seen.err
-    assert not seen.out
-
-
 def test_moves_that_shake_reject_the_path(places: Places, cli: Cli, tmp_path: Path) -> None:
     write_campaign(campaign(make_rig(), vibration=40.0), tmp_path / "shaken", format="parquet")
     status, document = asked(cli, places.calibration, tmp_path / "shaken")

@@ -156,6 +156,13 @@ def ros(kind: str) -> tuple[str, str, bytes]:
     return "cdr", kind, definition(kind)
 
 
+#: Topics of a position and of a force.
+STAMPED = {
+    "/p": ros("geometry_msgs/msg/PointStamped"),
+    "/f": ros("geometry_msgs/msg/WrenchStamped"),
+}
+
+
 def events(
     truth: Truth, frames: Sequence[str] = ("tdfs", "sensor", "s")
 ) -> Iterator[tuple[float, str, str, bytes]]:

@@ -5,8 +5,8 @@ from pathlib import Path
 from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
 from tests.files.logs.log_making import (
+    STAMPED,
     point_stamped,
-    ros,
     small_mcap,
     wrench_stamped,
     write,
@@ -17,12 +17,6 @@ FIELDS = {"position": "/p.point", "force": "/f.wrench.force"}
 ONE = LogBlock.model_validate({"supports": {"a": FIELDS}})
 
 
-CHANNELS = {
-    "/p": ros("geometry_msgs/msg/PointStamped"),
-    "/f": ros("geometry_msgs/msg/WrenchStamped"),
-}
-
-
 def skewed(shift: float, late: set[int]) -> bytes:
     """One support, 60 messages; header times off by a shift, those of `late` by 0.5 s more."""
     messages = []
@@ -31,7 +25,7 @@ def skewed(shift: float, late: set[int]) -> bytes:
         header = when + shift + (0.5 if k in late else 0.0)
         for topic, make in (("/p", point_stamped), ("/f", wrench_stamped)):
             messages.append((topic, round(when * 1e9), make(header, (1, 2, 3))))
-    return small_mcap(CHANNELS, messages)
+    return small_mcap(STAMPED, messages)
 
 
 def test_header_times_are_compared_with_log_times(tmp_path: Path) -> None:
@@ -52,7 +46,7 @@ def dying(begin: int, end: int, rate: float = 20.0) -> bytes:
         messages.append(("/p", round(when * 1e9), point_stamped(when, (1, 2, 3))))
         if begin <= k < end:
             messages.append(("/f", round(when * 1e9), wrench_stamped(when, (1, 2, 3))))
-    return small_mcap(CHANNELS, messages)
+    return small_mcap(STAMPED, messages)
 
 
 def test_a_signal_that_stops_or_starts_apart_from_the_others(tmp_path: Path) -> None:

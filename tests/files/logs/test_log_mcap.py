@@ -16,6 +16,7 @@ from tdfscal.logs.messages.cdr import Gatherer
 from tdfscal.logs.messages.mcap import messages_of
 from tdfscal.logs.messages.topics import definitions
 from tests.files.logs.log_making import (
+    STAMPED,
     STORE,
     definition,
     make_truth,
@@ -27,13 +28,6 @@ from tests.files.logs.log_making import (
 )
 
 TRUTH = make_truth()
-
-
-#: Topics of a position and of a force.
-STAMPED = {
-    "/p": ros("geometry_msgs/msg/PointStamped"),
-    "/f": ros("geometry_msgs/msg/WrenchStamped"),
-}
 
 
 def one_support(position: str | list[str], force: str, source: str = "log") -> LogBlock:
