@@ -1,8 +1,6 @@
 """The page of a calibration without angles: what is weak, the log, what next; never an angle."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -20,7 +18,6 @@ FLOATING = Options(postures=16, stiffness=np.array([1e3, 1e3, 2e7]))
 TOUCHED = 5
 
 
-@cache
 def attempt() -> Attempt:
     """Carriages that give way sideways and no squeeze; something pushes at one posture."""
     loaded = rig_of(3, "Test rig")
@@ -35,30 +32,16 @@ def attempt() -> Attempt:
     )
 
 
-def words(page: str) -> str:
-    return " ".join(" ".join(read(page).words).split())
-
-
-@pytest.fixture(autouse=True, scope="module")
-def plain() -> Iterator[None]:
-    """Pages without their figures, which take the time; two tests draw them."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
-        yield
-
-
-@pytest.fixture(scope="module")
-def page() -> str:
-    return render(undetermined_report(attempt(), undetermined_drawings(attempt())))
-
-
-def test_what_cannot_be_seen_is_named_and_what_can_is_not(page: str) -> None:
+def test_what_cannot_be_seen_is_named_and_what_can_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     """Under vertical loads alone a sensor's turn about the vertical is free, its others are not."""
-    said = words(page)
+    monkeypatch.setattr("tdfscal.reporting.html.to_svg", lambda drawing: "<svg></svg>")
+    made = attempt()
+    page = read(render(undetermined_report(made, undetermined_drawings(made)))).words
+    said = " ".join(" ".join(page).split())
     assert "✗ NOT IDENTIFIABLE" in said
     assert "6 of 9 turns are determined" in said
     why = said[said.index("Why") : said.index("What next")]
     assert "do not determine yaw of every sensor, but" in why
     assert "turn about X and turn about Y of every sensor to ±" in why
     assert said.index("Squeeze the NCPs") < said.index("tdfscal plan RIG -o plan.csv")
-    assert "tdfscal plan RIG -o plan.csv" in read(page).words  # as code
+    assert "tdfscal plan RIG -o plan.csv" in page  # as code

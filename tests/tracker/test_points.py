@@ -104,7 +104,6 @@ def test_u95_is_halved(tmp_path: Path, text: str, std: list[float], said: list[s
 HEAD = "group,point,x,y,z\n"
 BAD = {
     "empty": ("", "no points"),
-    "header": (HEAD, "no points"),
     "no header": ("P1,1,2,3\n", "line 1.*names the columns.*P1, 1, 2, 3.*group,point,x,y,z"),
     "nan": (HEAD + "ncp1,P1,1,2,3\nncp1,P2,nan,2,3\n", "line 3.*finite"),
     "no length": (HEAD + "ncp1,P1,1,2,3\nncp1,P2,1e300,2,3\n", "line 3.*1e300"),
@@ -115,14 +114,12 @@ BAD = {
     "short": (HEAD + "ncp1,P1,1,2\n", "line 2.*4 columns.*5"),
     "long": (HEAD + "ncp1,P1,1,2,3,4\n", "line 2.*6 columns.*5"),
     "nameless": (HEAD + "ncp1,,1,2,3\n", "line 2.*name"),
-    "points twice": ("point,x,y,z\nP1,1,2,3\nP1,1,2,4\n", "line 3.*P1.*line 2"),
     "target twice": ("target,x,y,z\nA,1,2,3\nB,1,2,4\nC,1,3,2\nA,1,2,5\n", "line 5.*A"),
     "one u": ("group,point,x,y,z,ux,uy,uz\nncp1,P1,1,2,3,1,,1\n", "line 2.*some of x, y and z"),
     "two sigmas": ("// 1 sigma\n// 2 sigma\n" + HEAD + "ncp1,P1,1,2,3\n", "line 2.*2 sigma"),
     "no z": ("group,point,x,y\nncp1,P1,1,2\n", "line 1"),
     "x twice": ("group,point,x,y,z,x [mm]\nncp1,P1,1,2,3,1\n", "line 1.*twice"),
     "cylindrical": ("// AXES = CYLINDRICAL: R, Theta, Z (mm)\nncp1,P1,1,2,3\n", "cylindrical"),
-    "polar": ("// AXES = POLAR (mm)\nncp1,P1,1,2,3\n", "line 1.*polar"),
     "offset": (
         "group,point,x,y,z,Planar Offset\nncp1,P1,1,2,3,0\nncp1,P2,1,2,4,19.05\n",
         "line 3.*probe offset",
