@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from tdfscal.dwells import Bins, reduce_to_bins
+from tdfscal.dwells import reduce_to_bins
 from tdfscal.errors import DataError
 from tdfscal.records import Log, Series
 
@@ -29,17 +29,6 @@ def cut(log: Log, edges: Iterable[float], late: float = 0.5) -> list[Log]:
         )
         for low, high in pairwise([-np.inf, *edges, np.inf])
     ]
-
-
-def assert_same(a: Bins, b: Bins) -> None:
-    np.testing.assert_array_equal(a.start, b.start)
-    np.testing.assert_array_equal(a.count, b.count)
-    np.testing.assert_allclose(a.mean, b.mean, rtol=1e-14, atol=1e-12)
-    # Squares of up to 2000 N, of which the scatter is what remains, round to 1e-9.
-    for part, atol in ((np.s_[:, :3], 1e-14), (np.s_[:, 3:], 1e-8)):
-        np.testing.assert_allclose(a.scatter[part], b.scatter[part], rtol=1e-5, atol=atol)
-    np.testing.assert_allclose(a.low, b.low, rtol=1e-5, atol=1e-12)
-    np.testing.assert_allclose(a.high, b.high, rtol=1e-5, atol=1e-12)
 
 
 @pytest.fixture(scope="module")

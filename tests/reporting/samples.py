@@ -12,7 +12,6 @@ from tdfscal.comparison.compatibility import combine
 from tdfscal.files.calibration.document import Calibration, save_calibration
 from tdfscal.files.calibration.from_results import Provenance, from_joint, from_self, from_tracker
 from tdfscal.files.rig.reading import LoadedRig, parse_rig
-from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, InputFile, Measured, Rotations
 from tdfscal.reporting.figures import style
 from tdfscal.selfcal.pipeline import self_calibrate
@@ -131,13 +130,6 @@ def by_hand(content: dict[str, Any]) -> Calibration:
         ends = {"low": (rpy - 2 * std).tolist(), "high": (rpy + 2 * std).tolist()}
         support["rpy_interval"] = {"coverage": 0.95, **ends}
     return Calibration.model_validate(content)
-
-
-def fit_with(c: Calibration, birge: float) -> dict[str, Any]:
-    """The block `fit` of a calibration whose residuals are so large."""
-    fit: dict[str, Any] = c.model_dump()["fit"]
-    chi2 = birge**2 * fit["dof"]
-    return fit | {"birge": birge, "chi2": chi2, "p_value": float(chi2_sf(chi2, fit["dof"]))}
 
 
 def saved(c: Calibration, folder: Path, name: str) -> Path:

@@ -7,14 +7,11 @@ from html.parser import HTMLParser
 import pytest
 
 from tdfscal.catalogue.numbers import places, to_place
-from tdfscal.files.calibration.document import Calibration
 from tdfscal.reporting.headline import half_widths
 from tests.reporting.pages import render_page
-from tests.reporting.samples import changed, fit_with, sample, sketch, with_load_cell
-from tests.words import found
+from tests.reporting.samples import sample, sketch, with_load_cell
 
 VOID = {"meta", "br", "link", "img"}
-REASON = "the residuals are 13 times what the stated uncertainties explain"
 
 
 class Reader(HTMLParser):
@@ -50,11 +47,6 @@ def read(page: str) -> Reader:
     reader.close()
     assert reader.open == []
     return reader
-
-
-def rejected(c: Calibration) -> Calibration:
-    reasons = (found(REASON, "rejects"),)
-    return changed(c, status="rejected", findings=reasons, fit=fit_with(c, 13.0))
 
 
 @pytest.fixture(scope="module")

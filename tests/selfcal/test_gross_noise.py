@@ -12,7 +12,6 @@ from tdfscal.simulation import Faults, Gain, Options, Recorder
 from tests.selfcal.campaigns import fitted
 
 RIG = simulation.reference_rig()
-TOUCHED = (1, 4, 6, 9, 11, 14)
 OPTIONS = Options(postures=16, squeeze=150.0, recorder=Recorder(mean_sd=0.1))
 
 

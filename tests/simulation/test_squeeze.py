@@ -4,14 +4,9 @@ import numpy as np
 import pytest
 
 from tdfscal.errors import UsageError
-from tdfscal.records import FloatArray
-from tdfscal.simulation import Campaign, Options, internal_part, simulate_campaign
+from tdfscal.simulation import Options, internal_part, simulate_campaign
 
 from .rigs import chi2_p, exact_rig, plausible, still
-
-
-def arms(campaign: Campaign) -> FloatArray:
-    return campaign.postures.pose.place(campaign.rig.hinge)
 
 
 def elastic_turning(largest_force: float) -> float:

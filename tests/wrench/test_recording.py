@@ -3,7 +3,6 @@
 import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -14,14 +13,6 @@ from mcap_ros2.decoder import DecoderFactory
 
 import tdfscal
 from tests.cli.running import SAMPLES
-
-COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
-TOPICS = {
-    "/contact_wrench": "",
-    "/contact_wrench/std": "u_",
-    "/contact_wrench/calibration_std": "u_cal_",
-    "/contact_wrench/uncalibrated": "raw_",
-}
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +48,3 @@ def test_wrenches_are_in_the_frames_of_the_exports(applied: Path, tmp_path: Path
     assert {link.get("name") for link in urdf.iter("link")} == {"bcs", *sensors}
     (terminal,) = frames(applied / "w.mcap")
     assert f"# Frame {terminal}," in text
-
-
-def six(wrench: Any) -> list[float]:
-    return [getattr(part, axis) for part in (wrench.force, wrench.torque) for axis in "xyz"]

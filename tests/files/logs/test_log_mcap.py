@@ -19,15 +19,12 @@ from tests.files.logs.log_making import (
     STAMPED,
     STORE,
     definition,
-    make_truth,
     point_stamped,
     ros,
     small_mcap,
     wrench_stamped,
     write,
 )
-
-TRUTH = make_truth()
 
 
 def one_support(position: str | list[str], force: str, source: str = "log") -> LogBlock:

@@ -17,7 +17,6 @@ from tdfscal.records import Log
 
 ONE = ("a",)
 FIELDS = {"supports": {"a": {"position": "p", "force": "f"}}}
-STRUCT = LogBlock.model_validate(FIELDS)
 DEFAULT = ("a.x", "a.y", "a.z", "a.fx", "a.fy", "a.fz")
 
 
