@@ -25,7 +25,7 @@ from tdfscal.significance import RINGING_PER_LOG
 
 _STOPS = 40  # that the mode is looked for in
 _FEWEST = 5
-_USUAL, _MOST = 0.75, 5.0  # quantile of what the stops show, and what one counts at most, in it
+_USUAL, _MOST = 0.75, 100.0  # quantile of what the stops show; how many times that one may show
 _SHORTEST = 8  # bins
 _LONGEST = 12.0  # s of a stop that are looked at
 _SLOWEST, _CONSTANTS = 5.0, 8  # s; time constants tried

@@ -52,7 +52,7 @@ def test_file_and_standard_output_agree(tmp_path: Path, cli: Cli) -> None:
     assert f"validate{moved}LOG" in "".join(text.out.split())
     moved.rename(target)
     lines = text.out.splitlines()
-    assert max(len(line) for line in lines if str(target) not in line) <= 80  # paths stay whole
+    assert max(len(line) for line in lines if str(tmp_path) not in line) <= 80  # paths stay whole
     said = cli.json("report", target)
     assert (said["calibrations"], said["comparisons"]) == ([printed], [])
     assert list(said)[:2] == ["command", "findings"]
