@@ -48,6 +48,7 @@ _OWN = re.compile(
 #: The format of a whole document, not of what it embeds.
 _FORMAT = re.compile(rb"(?:\A\{\s*|^ ?)format:\s*tdfscal-(rig|calibration)/", re.MULTILINE)
 _HEAD, _TAIL = 1 << 14, 1 << 16
+_DAY = 86400.0
 #: What stands at the end of a Parquet file of contact wrenches.
 _QUANTITY = b"contact wrench on the terminal: force, and moment"
 _WANTED = {RIG: "name the folder of the logs, or give it by --rig",
@@ -262,12 +263,11 @@ def campaign_folders(where: PathLikes, rig: PathLike | None = None) -> list[list
     the rig, and logs beside one campaign at most, are one campaign.
     """
     paths = listed(where)
-    inside = [[] if rig is not None else _campaigns_in(path) for path in paths]
-    loose = any(not held and not _is_folder(path) for path, held in zip(paths, inside, strict=True))
-    if sum(map(len, inside)) < (2 if loose else 1):
+    inside = {path: [] if rig is not None else _campaigns_in(path) for path in paths}
+    loose = any(not held and not _is_folder(path) for path, held in inside.items())
+    if sum(map(len, inside.values())) < (2 if loose else 1):
         return [paths]
-    each = zip(paths, inside, strict=True)
-    return [[folder] for path, held in each for folder in held or [path]]
+    return [[folder] for path, held in inside.items() for folder in held or [path]]
 
 
 def _campaigns_in(path: Path) -> list[Path]:
@@ -285,14 +285,9 @@ def _campaigns_in(path: Path) -> list[Path]:
 def rig_file(path: PathLike) -> LoadedRig:
     """Load a rig file, or the rig.yaml of a campaign folder. Raises UsageError, RigError."""
     file = as_path(path)
-    if file.is_dir():
-        file = file / RIG_NAME
-    loaded = load_rig(file)
-    protect((file, *loaded.surveys))
+    loaded = load_rig(file / RIG_NAME if file.is_dir() else file)
+    protect((loaded.path, *loaded.surveys))
     return loaded
-
-
-_DAY = 86400.0
 
 
 def measured(log: LogPass) -> Measured:

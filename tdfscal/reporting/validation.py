@@ -239,14 +239,13 @@ def _of_the_postures(v: Validation) -> dict[str, Any]:
 
 
 def _of_the_motion(v: MovingValidation) -> dict[str, Any]:
-    r = v.residual
     left_out = [
         {"begin": s.begin, "end": s.end, "code": s.reason.code, "reason": sentence(s.reason)}
         for s in v.rejected
     ]
-    both: dict[str, Any] = {"rejected": left_out, "time": r.time}
+    both: dict[str, Any] = {"rejected": left_out, "time": v.residual.time}
     for k, name in enumerate(("force", "moment")):
-        both[name] = {"before": r.before[:, k], "after": r.after[:, k]}
+        both[name] = {"before": v.residual.before[:, k], "after": v.residual.after[:, k]}
     return {"motion": layout.document(v, "begin seconds", **both)}
 
 
@@ -269,8 +268,7 @@ def _residual(v: Tested) -> dict[str, ResidualWrench]:
 def _expected(v: Validation) -> dict[str, float]:
     """Root mean square of force, N, and moment, N·m, by the uncertainties; ∞ where unknown."""
     variance = np.square(v.std).reshape(-1, 2, 3).sum(axis=2)
-    force, moment = np.sqrt(variance.mean(axis=0))
-    return {"force": float(force), "moment": float(moment)}
+    return dict(zip(("force", "moment"), np.sqrt(variance.mean(axis=0)).tolist(), strict=True))
 
 
 def validation_report(
