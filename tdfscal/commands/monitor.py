@@ -26,8 +26,9 @@ from tdfscal.commands.several_campaigns import Judged, usable_campaigns, wanted
 from tdfscal.comparison.history import Life, life_of
 from tdfscal.comparison.pooling import pool
 from tdfscal.errors import RejectedError, UsageError
-from tdfscal.files.calibration.compared import below_accepted, overdue, unsealed
+from tdfscal.files.calibration.compared import below_accepted
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
+from tdfscal.files.calibration.document import overdue, unsealed
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding, rejecting
 from tdfscal.frozen import record

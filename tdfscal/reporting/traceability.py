@@ -13,8 +13,7 @@ from tdfscal import __version__
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.numbers import probability, rounded
 from tdfscal.estimation.exact_quantities import UNMOVED
-from tdfscal.files.calibration.compared import overdue, unsealed
-from tdfscal.files.calibration.document import Calibration, file_content
+from tdfscal.files.calibration.document import Calibration, file_content, overdue, unsealed
 from tdfscal.files.calibration.evidence import ConformityResult
 from tdfscal.files.calibration.parameters import UNCONFIRMED
 from tdfscal.files.calibration.parts import FindingResult, MeasuredResult, instant

@@ -18,7 +18,7 @@ from tdfscal.comparison.compatibility import (
     compare_pair,
     in_order_of,
 )
-from tdfscal.files.calibration.document import Calibration
+from tdfscal.files.calibration.document import Calibration, overdue, unsealed
 from tdfscal.files.calibration.evidence import DwellTable, ReadingsTable
 from tdfscal.files.calibration.parameters import UNCONFIRMED
 from tdfscal.files.calibration.parts import instant
@@ -186,15 +186,6 @@ def defects(name: str, c: Calibration, papers: Rig | None = None) -> tuple[Findi
     return (*below_accepted(name, c), *unsealed(name, c), *before, *since)
 
 
-def overdue(rig: Rig, day: str, before: str = "") -> tuple[Finding, ...]:
-    """Sensors whose own certificate had ended on a day; before : what is of that day."""
-    return tuple(
-        Finding("sensor-overdue", (name,), values={"due": due, "before": before})
-        for due, name in rig.certificates
-        if due < day
-    )
-
-
 def below_accepted(name: str, c: Calibration) -> tuple[Finding, ...]:
     """The gate rejected it, or it rests on lines of a draft, of which two are named."""
     if not c.accepted:
@@ -205,8 +196,3 @@ def below_accepted(name: str, c: Calibration) -> tuple[Finding, ...]:
     lines = [line for entry in c.found(UNCONFIRMED) for line in entry.subject]
     said = {"lines": lines[:2]}
     return (Finding("provisional-in-use", (name,), len(lines), values=said),)
-
-
-def unsealed(name: str, c: Calibration) -> tuple[Finding, ...]:
-    """It cannot tell whether it was edited."""
-    return (Finding("calibration-unsealed", (name,)),) if c.unsealed else ()

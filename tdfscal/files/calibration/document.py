@@ -21,9 +21,10 @@ from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
 from tdfscal.files.saving import content_sha256, to_json, to_yaml, write_text
 from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.so3 import from_directions
-from tdfscal.records import BoolArray, FloatArray, Rotations
+from tdfscal.records import BoolArray, FloatArray, Rig, Rotations
 
 Array = TypeVar("Array", BoolArray, FloatArray)
 
@@ -246,6 +247,20 @@ def _check_method(c: Calibration) -> None:
             raise fault("is missing, though the sensor lacks no axis", "supports", index)
     if not c.determined.any():
         raise fault("have no rotation, none of them", "supports")
+
+
+def overdue(rig: Rig, day: str, before: str = "") -> tuple[Finding, ...]:
+    """Sensors whose own certificate had ended on a day; before : what is of that day."""
+    return tuple(
+        Finding("sensor-overdue", (name,), values={"due": due, "before": before})
+        for due, name in rig.certificates
+        if due < day
+    )
+
+
+def unsealed(name: str, c: Calibration) -> tuple[Finding, ...]:
+    """It cannot tell whether it was edited."""
+    return (Finding("calibration-unsealed", (name,)),) if c.unsealed else ()
 
 
 def load_calibration(path: Path | str) -> Calibration:
