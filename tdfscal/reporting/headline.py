@@ -117,7 +117,7 @@ def _of_the_angles(c: Calibration) -> str:
             f"of the drafted rig file: {_by_key(c, lines)}. If these are right, {said}."
         )
         return " ".join(filter(None, (first, _not_counted(c), *beside)))
-    sealed = ", if nobody edited this file, which does not tell," if c.unsealed else ""
+    sealed = ", if nobody edited this file (it does not tell)" if c.unsealed else ""
     first = f"You may load these angles{sealed}: {said}."
     return " ".join(filter(None, (first, _not_counted(c), *_trusted(c), *beside, _limited_by(c))))
 
@@ -172,9 +172,11 @@ def _trusted(c: Calibration) -> Iterator[str]:
         ("barycentre", "barycentre", 1e-3, "m", list(terminal.barycenter.std)),
         ("mass", "mass", 1e-3 * terminal.mass.value, "kg", [terminal.mass.std]),
     ):
+        if not 0 < min(std) == max(std) < error:
+            continue
         variance = max((angle.variance.get(source, 0.0) for angle in c.budget.angles), default=0.0)
-        move = math.sqrt(variance) * error / std[0] if 0 < max(std) < error else 0.0
-        if min(std) == max(std) and move > _NOTABLE * half_widths(c).max():
+        move = math.sqrt(variance) * error / std[0]
+        if move > _NOTABLE * half_widths(c).max():
             yield (
                 f"The {name} counts as good to {quantity(std[0], unit)}: "
                 f"{quantity(error, unit)} off would move an angle by {rounded(1e3 * move)} mrad."

@@ -64,3 +64,13 @@ def test_a_terminal_shows_the_same_with_colours(monkeypatch: pytest.MonkeyPatch)
     assert re.sub(r"\x1b\[[0-9;]*m", "", coloured) == as_text(report)
     monkeypatch.setenv("NO_COLOR", "1")
     assert not re.search(r"\x1b\[[0-9;]*3[0-9]", shown(report))
+
+
+def test_a_tare_that_is_exact_on_one_sensor_has_no_error_of_typical_size() -> None:
+    c = sample().calibration
+    first, *others = c.rig.supports
+    exact = first.model_copy(
+        update={"zero": first.zero.model_copy(update={"std": (0.0, 0.0, 0.0)})}
+    )
+    rig = c.rig.model_copy(update={"supports": (exact, *others)})
+    assert "tare counts" not in render(c.model_copy(update={"rig": rig}))
