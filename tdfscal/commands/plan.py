@@ -21,7 +21,7 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.postures import postures as at_rest
 from tdfscal.model.postures import register
-from tdfscal.planning.candidates import Limits, Objective, Request, travel_limits
+from tdfscal.planning.candidates import Limits, Objective, Request
 from tdfscal.planning.motion import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Plan, make_plan
 from tdfscal.planning.predicted_information import scatter_of
@@ -182,6 +182,26 @@ def plan(
             progress=progress,
         )
     return PlanResult(found, one(output), findings)
+
+
+def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> FloatArray:
+    """Half ranges (n, 3), m, from support → (all axes,) or (x, y, z); None is every support.
+
+    Raises UsageError for an unknown support or an impossible range.
+    """
+    travel = np.full((rig.n, 3), np.inf)
+    for name, value in sorted(entries.items(), key=lambda item: item[0] is not None):
+        if name is not None and name not in rig.supports:
+            hint = f"the rig has {', '.join(rig.supports)}"
+            raise UsageError(f"there is no support {name!r}", where="--travel", hint=hint)
+        if len(value) not in (1, 3):
+            raise UsageError(
+                f"{len(value)} ranges are given", where="--travel", hint="give one, or x, y and z"
+            )
+        if not min(value) >= 0.0:
+            raise UsageError("a range is negative", where="--travel", hint="give metres")
+        travel[slice(None) if name is None else rig.supports.index(name)] = value
+    return travel
 
 
 def _at_home(

@@ -65,26 +65,6 @@ class Request:
     objective: Objective = "angles"
 
 
-def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> FloatArray:
-    """Half ranges (n, 3), m, from support → (all axes,) or (x, y, z); None is every support.
-
-    Raises UsageError for an unknown support or an impossible range.
-    """
-    travel = np.full((rig.n, 3), np.inf)
-    for name, value in sorted(entries.items(), key=lambda item: item[0] is not None):
-        if name is not None and name not in rig.supports:
-            hint = f"the rig has {', '.join(rig.supports)}"
-            raise UsageError(f"there is no support {name!r}", where="--travel", hint=hint)
-        if len(value) not in (1, 3):
-            raise UsageError(
-                f"{len(value)} ranges are given", where="--travel", hint="give one, or x, y and z"
-            )
-        if not min(value) >= 0.0:
-            raise UsageError("a range is negative", where="--travel", hint="give metres")
-        travel[slice(None) if name is None else rig.supports.index(name)] = value
-    return travel
-
-
 def check_noise(rig: Rig, noise: float) -> None:
     """Raise UsageError where neither the request, in N, nor the rig states a force noise."""
     if noise == 0.0 and rig.declared.force_noise == 0.0:

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tdfscal.commands.plan import travel_limits
 from tdfscal.errors import UsageError
-from tdfscal.planning.candidates import displacement, draw, travel_limits
+from tdfscal.planning.candidates import displacement, draw
 from tdfscal.records import DeclaredUncertainty
 from tdfscal.simulation import Options, make_rig, reference_rig, simulate_dwells
 
