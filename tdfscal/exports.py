@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.numbers import with_std
+from tdfscal.catalogue.numbers import two_digits, with_std
 from tdfscal.errors import UsageError, visible
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import calibrated
@@ -21,6 +21,7 @@ from tdfscal.files.saving import csv_cell, to_yaml, xml_comment, xml_text
 from tdfscal.findings import Finding
 from tdfscal.logs.log_file import signal_of
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
+from tdfscal.reporting.calibration import gain_std
 from tdfscal.reporting.traceability import digest_told, doubts, measured_on, report_digest
 from tdfscal.wrench.contact_wrench import unknown_components
 
@@ -36,7 +37,7 @@ _URDF = """\
 """
 _JOINT = """\
   <link name="{sensor}"/>
-  <!-- zero of {name}: {zero} N; {said} -->
+  <!-- {said} -->
 {gain}  <joint name="{sensor}_joint" type="fixed">
     <parent link="{base}"/>
     <child link="{sensor}"/>
@@ -80,14 +81,12 @@ def urdf(c: Calibration, parent: str = BCS_FRAME) -> str:
     joints = [
         _JOINT.format(
             sensor=sensor_frame(support.name),
-            name=support.name,
-            gain=f"  <!-- {told}, not applied by URDF -->\n" if (told := gain(support)) else "",
-            zero=" ".join(number(zero) or "unmeasured" for zero in support.zero),
-            said=xml_comment(uncertain(support)),
+            gain=f"  <!-- {told}, not applied by URDF -->\n" if (told := gain(c, i)) else "",
+            said=xml_comment(f"{support.name}: {uncertain(support)}"),
             base=base,
             rpy=" ".join(map(number, support.rpy)),
         )
-        for support in c.supports
+        for i, support in enumerate(c.supports)
         if support.determined
     ]
     return _URDF.format(
@@ -123,7 +122,7 @@ def ros(c: Calibration, parent: str = BCS_FRAME) -> str:
             continue
         name, sensor = support.name, sensor_frame(support.name)
         notes.append(f"{name}: {uncertain(support)}")
-        if told := gain(support):
+        if told := gain(c, i):
             notes.append(f"{told}, not applied by a broadcaster")
         turn = map(number, support.quaternion_xyzw or ())
         notes.append(_TRANSFORM.format(*turn, base=base, sensor=sensor))
@@ -249,10 +248,13 @@ def uncertain(support: SupportResult) -> str:
     return f"{', '.join(angles)}; zero {', '.join(zeros)} N (k = 1)"
 
 
-def gain(support: SupportResult) -> str:
-    """The sensor's sensitivity, by rows, in words; empty where none was estimated."""
-    rows = [list(map(float, row)) for row in support.sensitivity or ()]
-    return f"{support.name}: sensitivity {rows}" if rows else ""
+def gain(c: Calibration, i: int) -> str:
+    """A sensor's sensitivity by rows, to 1 ppm, in words; empty where none was estimated."""
+    support = c.supports[i]
+    if support.sensitivity is None:
+        return ""
+    rows = ", ".join(f"[{', '.join(f'{x:.6f}' for x in row)}]" for row in c.sensitivity[i])
+    return f"{support.name}: sensitivity [{rows}] ± {two_digits(gain_std(c)[i].max())} (k = 1)"
 
 
 def number(value: float | None) -> str:
@@ -266,3 +268,5 @@ FORMATS: dict[str, Callable[[Calibration, str], str]] = {
     "csv": lambda calibration, parent: csv_table(calibration),
 }
 """Format → writer of (calibration, parent frame)."""
+SUFFIXES = {"urdf": (".urdf", ".xacro", ".xml"), "ros": (".yaml", ".yml"), "csv": (".csv",)}
+"""Format → what its file's name may end in."""

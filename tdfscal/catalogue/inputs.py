@@ -34,7 +34,7 @@ temperature-unreadable refuses
 log-truncated warns
   {subject}: the file ends within a record at byte {byte}, as one that was cut short does: it is
   read as far as it is whole, to {at}
-  ? number ({number:.1f} s)
+  ? apart ({number:.1f} s)
   -> copy {subject} from {subjects:their recorders|its recorder} again, or record again
 recorders-overlap-in-part warns
   {subject} ran {own:.1f} s from {begin:+.1f} s of the first recorder's {span:.1f} s on: the

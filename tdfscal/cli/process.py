@@ -98,14 +98,20 @@ def failed(error: TdfscalError) -> int:
 
 
 def ended(status: int, code: str, message: str, where: str | None = None) -> int:
-    """Say how a run failed, with `--json` as a last line that programs read; return its status."""
+    """Say how a run failed; standard output has the object that `--json` promises."""
     say(f"tdfscal: {message}")
     if "--json" in sys.argv:
         import json
 
-        error = {"code": code, "status": status, "message": message, "where": where}
-        say(json.dumps({"error": error}))
+        error = {"code": code, "message": message, "where": where}
+        told = {"command": _asked(), "status": status, "error": error}
+        report(f"{json.dumps(told, indent=1)}\n")
     return status
+
+
+def _asked() -> str:
+    """The command line, as it can be pasted."""
+    return shlex.join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
 
 
 def _prepare_streams() -> None:
@@ -146,14 +152,23 @@ def unwritten(fault: OSError | ValueError, what: str) -> UsageError:
     return UsageError(what, where="standard output", hint=hint)
 
 
-def report(text: str) -> None:
-    """Report on standard output; that it is full, or that nobody listens, changes nothing."""
+def report(text: str, *, alone: bool = False) -> None:
+    """Report on standard output; that it is full, or that nobody listens, changes nothing.
+
+    alone : no file holds what is told, so that only a reader who leaves changes nothing; else it
+    raises UsageError.
+    """
     try:
+        if alone and "stdout" in _closed:
+            raise OSError(errno.EBADF, "it is closed")
         sys.stdout.write(text)
         sys.stdout.flush()
     except (OSError, ValueError) as fault:
+        left = isinstance(fault, BrokenPipeError)
+        if alone and not left:
+            raise unwritten(fault, "the result") from fault
         reason = leave_stdout(fault)
-        if not isinstance(fault, BrokenPipeError):
+        if not left:
             say(f"tdfscal: warning: standard output takes no more of the report: {reason}")
 
 
@@ -195,12 +210,11 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
         say(f"[{time.monotonic() - began:5.1f} s] {name} …")
 
     several = [path for p in command.parameters if p.several for path in asked.pop(p.name)]
-    line = shlex.join(["tdfscal", *sys.argv[1:]]).encode("utf-8", "replace").decode()
     text = ""
     # Where standard output carries the result, it is an output like any other: all or none.
     with together():
         # Files stand one after the other there, as in `compare(a, b)`.
-        result = command.call(line, *several, progress=None if quiet else stage, **asked)
+        result = command.call(_asked(), *several, progress=None if quiet else stage, **asked)
         written = result.exit_status == 0 or asked.get("allow_rejected", True)
         for note in result.notes:  # before the numbers that they concern, wherever these go
             say(f"tdfscal: warning: {note}")
@@ -214,7 +228,7 @@ def perform(command: Command, options: Mapping[str, Any]) -> int:
             if text and there:
                 text += f"\nwrote {' and '.join(there)}\n"
     _listen(signal.SIG_IGN)  # all is done
-    report(text)
+    report(text, alone=not places and not result.kept)
     if result.exit_status and "allow_rejected" in asked:
         what = "it was written as rejected" if written else "nothing was written"
         if not written and "html" in asked:

@@ -233,13 +233,13 @@ def _rig_of(paths: Sequence[Path], fallback: LoadedRig | None) -> LoadedRig:
     if first is None:
         for path in filter(Path.is_file, paths):
             _require_log(path)
+            if not looks_recorded(path):
+                raise DataError("it holds no table of numbers", where=str(path), hint=_KINDS)
         near = nearest(RIG_NAME, [p.name for p in entries_of(homes[0]) if kind_of(p) == RIG])
-        rename = f"rename {near} to {RIG_NAME} or name it with --rig"
-        raise UsageError(
-            f"there is no {RIG_NAME}",
-            where=str(homes[0]),
-            hint=rename if near else "name it with --rig, or draft it: `tdfscal init LOG`",
-        )
+        hint = "name it with --rig, or draft it: `tdfscal init LOG`"
+        if near:
+            hint = f"rename {near} to {RIG_NAME} or name it with --rig"
+        raise UsageError(f"there is no {RIG_NAME}", where=str(homes[0]), hint=hint)
     for other in rigs[1:]:
         if other.sha256 != first.sha256:
             raise UsageError(

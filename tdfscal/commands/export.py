@@ -11,8 +11,9 @@ from tdfscal.commands.campaign import PathLike, one
 from tdfscal.commands.options import Option, silent
 from tdfscal.commands.result import Calibration, CommandResult, read_source
 from tdfscal.errors import RejectedError
-from tdfscal.exports import FORMATS, cautions
+from tdfscal.exports import FORMATS, SUFFIXES, cautions
 from tdfscal.files.calibration.compared import defects
+from tdfscal.files.outputs import check_suffix
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.records import BCS_FRAME
@@ -79,6 +80,9 @@ def export(
     UsageError, DataError
         The calibration cannot be read, or the file not be written.
     """
+    place = one(output)
+    if place is not None:
+        check_suffix(place, SUFFIXES[to])
     name, loaded = read_source(calibration)
     if not loaded.accepted and not allow_rejected:
         raise RejectedError(
@@ -87,4 +91,4 @@ def export(
             hint="use --allow-rejected to export it all the same",
         )
     text = FORMATS[to](loaded, parent)
-    return ExportResult(to, text, loaded, one(output), defects(name, loaded))
+    return ExportResult(to, text, loaded, place, defects(name, loaded))

@@ -22,7 +22,7 @@ from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_t
 
 from tdfscal.commands.campaign import PathLike, PathLikes, one
 from tdfscal.commands.result import CalibrationSource, CommandResult, Result
-from tdfscal.errors import UsageError, expect, inaccessible
+from tdfscal.errors import TdfscalError, UsageError, expect, inaccessible
 from tdfscal.files.outputs import PAGE_SUFFIXES, check_outputs, together
 from tdfscal.frozen import record, replace
 from tdfscal.logs import Moment, TimeWindow
@@ -199,7 +199,18 @@ class Command:
         except OSError as fault:
             raise inaccessible(fault) from fault
 
+    def in_python(self, error: TdfscalError) -> TdfscalError:
+        """The same with options by the parameters' names; a line to paste stays what it is."""
+        names = {p.names[0]: p.name for p in self.parameters}
+        what, where, hint = (
+            _FLAGS.sub(lambda found: names.get(found[0], found[0]), text or "")
+            for text in (error.what, error.where, error.hint)
+        )
+        return error.restated(what=what * (what != error.what), where=where, hint=hint)
 
+
+#: Options in a sentence, and lines to paste, which have theirs.
+_FLAGS = re.compile("`tdfscal [^`]*`|--[a-z]+(?:-[a-z]+)*")
 #: Commands whose modules were loaded, by name.
 COMMANDS: dict[str, Command] = {}
 
@@ -219,7 +230,10 @@ def command(example: str) -> Callable[[_Function], _Function]:
 
             # More threads of linear algebra wait for each other; numbers would follow the machine.
             with threadpool_limits(1, "blas"):
-                return made.call(f"tdfscal.{name}", *positional, **options)
+                try:
+                    return made.call(f"tdfscal.{name}", *positional, **options)
+                except TdfscalError as error:
+                    raise made.in_python(error) from error.__cause__
 
         told = "\n".join(f"    {p.name} : {p.help}." for p in each)
         head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
@@ -274,11 +288,8 @@ def triple(option: str, value: Numbers) -> tuple[float, float, float]:
 
 def window(begin: Instant | None, end: Instant | None) -> TimeWindow | None:
     """Return the part of a log that `--from` and `--to` name; None for all. Raises UsageError."""
-    ends = [
-        None if value is None else _moment(option, value)
-        for option, value in (("--from", begin), ("--to", end))
-    ]
-    first, last = ends
+    first = None if begin is None else _moment("--from", begin)
+    last = None if end is None else _moment("--to", end)
     if first is None and last is None:
         return None
     if first and last and first.after_begin == last.after_begin and first.seconds >= last.seconds:
@@ -315,14 +326,10 @@ RigFile = Annotated[
     PathLike | None, Option("a rig.yaml, where no folder holds one", Path | None, "FILE")
 ]
 OneCalibration = Annotated[
-    CalibrationSource,
-    Option("calibration file", Path, "CALIBRATION", shell="- for stdin"),
+    CalibrationSource, Option("calibration file", Path, "CALIBRATION", shell="- for stdin")
 ]
 Several = CalibrationSource | Iterable[CalibrationSource]
-Begin = Annotated[
-    Instant | None,
-    Option(f"use the log from T on: {_MOMENT}", str | None, "T"),
-]
+Begin = Annotated[Instant | None, Option(f"use the log from T on: {_MOMENT}", str | None, "T")]
 End = Annotated[Instant | None, Option("use the log up to T", str | None, "T")]
 Page = Annotated[
     PathLike | None,

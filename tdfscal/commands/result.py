@@ -141,6 +141,11 @@ class Result:
         """Status with which the command ends: 1 where the result is a refusal."""
         return 0
 
+    @property
+    def kept(self) -> bool:
+        """A folder holds it, so that the command's text only reports."""
+        return False
+
     def __str__(self) -> str:
         return self.text
 

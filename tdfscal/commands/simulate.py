@@ -37,6 +37,11 @@ class SimulateResult(CommandResult):
         verb = "monitor" if self.run.scenario == "months" else "calibrate"
         return f"wrote {self.folder}: now run  tdfscal {verb} {self.folder}\n"
 
+    @property
+    def kept(self) -> bool:
+        """The folder is written."""
+        return True
+
     def document(self) -> dict[str, Any]:
         """Return where what was written."""
         names = "folder scenario=run.scenario rig=run.rig.name seed"

@@ -134,6 +134,8 @@ class Streams:
         end, rows = float(self.last.max()), "row" in self._clocks
         at = f"row {self.count.max()}" if rows else when(end)
         values: dict[str, Value] = {"byte": file.cut_at, "at": at}
+        # From a clock's zero on the two are one number.
+        values["apart"] = not rows and bool(abs(self.begin) > 0.05)
         size = None if rows else end - self.begin
         return Finding("log-truncated", (str(file.path),), size, "s", values=values)
 

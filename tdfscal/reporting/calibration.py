@@ -193,15 +193,19 @@ def _adjusted(c: Calibration) -> tuple[Table, ...]:
 
 def _matrices(c: Calibration) -> tuple[Table, ...]:
     """What a reading is multiplied by, as the convention says."""
-    n = len(c.supports)
     turn_std = so3.entry_std(c.rotation, c.rotation_covariance)
     tables = [_by_row("Rotation, sensor to BCS", c, c.determined, c.rotation, turn_std)]
     gained = np.array([support.sensitivity is not None for support in c.supports])
     if gained.any():
-        std = np.sqrt(np.diagonal(calibrated(c).covariance))[parameters.layout(n)["sensitivity"]]
-        gain_std = parameters.symmetric(std.reshape(n, 6))
-        tables.append(_by_row("Sensitivity, I + S", c, gained, c.sensitivity, gain_std))
+        tables.append(_by_row("Sensitivity, I + S", c, gained, c.sensitivity, gain_std(c)))
     return tuple(tables)
+
+
+def gain_std(c: Calibration) -> FloatArray:
+    """Standard uncertainties (n, 3, 3) of the sensors' sensitivities."""
+    n = len(c.supports)
+    std = np.sqrt(np.diagonal(calibrated(c).covariance))[parameters.layout(n)["sensitivity"]]
+    return np.asarray(parameters.symmetric(std.reshape(n, 6)))
 
 
 def _by_row(

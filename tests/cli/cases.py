@@ -82,6 +82,7 @@ CASES = [
     Case("export rejected.yaml --to urdf -o out/kept.urdf", 1, "--allow-rejected"),
     Case("export rejected.yaml --to csv -o out/kept.csv", 1, "--allow-rejected"),
     Case("export own.yaml --to ros -o own.yaml", 2, "replace an input"),
+    Case("export own.yaml --to urdf -o out/kept.csv", 2, ".urdf"),
     Case("export broken.yaml --to csv -o out/kept.csv", 3, "broken.yaml"),
     Case("info campaign", 0, "Mapping"),
     Case("info hollow", 2, "no log"),

@@ -56,18 +56,18 @@ class Cli:
     def __call__(self, *arguments: object, ends: int | None = None) -> Run:
         """Run it; an exit status other than `ends` fails the test with what was said.
 
-        An error prints nothing, and says one line beside progress; with `--json` it follows as an
-        object.
+        An error says one line beside progress, and prints nothing but, with `--json`, its object.
         """
         seen = run(self.capsys, *arguments)
         assert ends in (None, seen.status), f"{arguments}: {seen.status}\n{seen.err}{seen.out}"
         if arguments and seen.status in ERRORS:  # without a command stands the help
-            assert seen.out == ""
-            message, *more = (x for x in seen.err.splitlines() if not PROGRESS.fullmatch(x))
+            (message,) = (x for x in seen.err.splitlines() if not PROGRESS.fullmatch(x))
             assert message.startswith("tdfscal: ")
-            assert len(more) == ("--json" in arguments)
-            for error in (json.loads(line)["error"] for line in more):
-                assert (error["status"], error["code"] in CATALOGUE) == (seen.status, True)
+            assert not seen.out or "--json" in arguments
+            if seen.out:
+                told = json.loads(seen.out)
+                error = told["error"]
+                assert (told["status"], error["code"] in CATALOGUE) == (seen.status, True)
                 assert message == f"tdfscal: {error['message']}"
                 assert error["where"] is None or visible(error["where"]) in message
         return seen

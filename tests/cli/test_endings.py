@@ -56,7 +56,12 @@ def test_a_report_that_nobody_gets_changes_nothing(
 @needs_full
 @pytest.mark.parametrize("kind", ["closed", "full"])
 @pytest.mark.parametrize(
-    "line", ["apply own.yaml campaign -o OUT --json", "report own.yaml --json --html OUT"]
+    "line",
+    [
+        "apply own.yaml campaign -o OUT --json",
+        "report own.yaml --json --html OUT",
+        *("report own.yaml", "info campaign", "validate own.yaml campaign"),
+    ],
 )
 def test_a_result_that_does_not_arrive_is_an_error_and_no_other_output_appears(
     line: str, kind: str, tmp_path: Path, cli: Cli, monkeypatch: pytest.MonkeyPatch
