@@ -70,7 +70,7 @@ def simulate(
     ] = 100.0,
     months: Annotated[int, Option("campaigns of the scenario months", least=1)] = 12,
     seed: Annotated[
-        int, Option("seed of all random numbers; with the scenario it mounts the sensors", least=0)
+        int, Option("seed of all random numbers: one seed, one rig in all scenarios", least=0)
     ] = 0,
     progress: options.Telling = silent,
 ) -> SimulateResult:

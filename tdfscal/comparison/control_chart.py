@@ -70,8 +70,8 @@ class Alarm:
 
     @property
     def size_std(self) -> float:
-        """Standard uncertainty of the size, rad."""
-        along = self.turn / self.size
+        """Standard uncertainty of the size, rad; 0 where no sensor's turn is meant."""
+        along = self.turn / self.size if self.size else self.turn
         return float(np.sqrt(along @ self.covariance @ along))
 
 

@@ -15,7 +15,7 @@ from tdfscal.records import FloatArray, Log, Rig
 from tdfscal.simulation import faults
 from tdfscal.simulation.driving import Trajectory, correlated, draw_trajectory, streams
 from tdfscal.simulation.equilibrium import Load, Pose, inertial, internal_part, reading, settle
-from tdfscal.simulation.options import MovingOptions, Options
+from tdfscal.simulation.options import MovingOptions
 from tdfscal.simulation.truth import Truth, draw_inertia, draw_truths
 
 #: Rate at which the equilibrium is computed, Hz; between its instants splines run.
@@ -63,8 +63,7 @@ def simulate_moving(
     from scipy.interpolate import CubicSpline  # slow to import, rarely needed
 
     truth_rng, way_rng, field_rng, record_rng, inertia_rng = rng.spawn(5)
-    machine = Options(stiffness=np.array(options.stiffness), rpy=options.rpy)
-    truth = truth or draw_truths(rig, machine, truth_rng, 1).trial(0)
+    truth = truth or draw_truths(rig, options.machine, truth_rng, 1).trial(0)
     inertia = options.inertia
     if inertia is None:
         inertia = draw_inertia(rig, truth, inertia_rng)

@@ -195,6 +195,11 @@ class MovingOptions:
     def __post_init__(self) -> None:
         _check_sizes(self, "tilt", "travel", "squeeze")
 
+    @property
+    def machine(self) -> Options:
+        """The same machine at rest."""
+        return Options(stiffness=np.array(self.stiffness), rpy=self.rpy)
+
     @classmethod
     def stops(cls) -> MovingOptions:
         """Ten random postures in 96 s: rests of 6 s and moves of 4 s by turns."""

@@ -134,8 +134,8 @@ def run(
     rng: np.random.Generator,
     survey: SurveyOptions | None = None,
 ) -> Run:
-    """Play a scenario on a rig, in motion with options of a motion. One seed draws one rig and its
-    postures, whatever the scenario.
+    """Play a scenario on a rig, in motion with options of a motion. One seed draws one truth
+    (mounting, zeros, gain, load), whatever the scenario; at rest its postures too.
 
     Raises UsageError for a scenario that is not in `SCENARIOS`; else as `simulate_campaign` and
     `simulate_moving`.
@@ -143,8 +143,8 @@ def run(
     campaign_rng, survey_rng = rng.spawn(2)
     stated, campaign, moving = rig, None, None
     if isinstance(options, MovingOptions):
-        moving = simulate_moving(rig, options, campaign_rng)
-        truth = moving.truth
+        truth = _truth(rig, options.machine, campaign_rng).trial(0)
+        moving = simulate_moving(rig, options, campaign_rng, truth)
     elif scenario not in SCENARIOS:
         names = [*SCENARIOS, *MOVING, "months"]
         near = difflib.get_close_matches(scenario, names, n=1)
@@ -153,8 +153,7 @@ def run(
             f"there is no scenario {scenario!r}{meant}", hint=f"choose from {', '.join(names)}"
         )
     elif scenario == "tracker":
-        truth_rng = campaign_rng.spawn(1)[0].spawn(1)[0]  # the one that a campaign would use
-        truth = draw_truths(rig, options, truth_rng, 1).trial(0)
+        truth = _truth(rig, options, campaign_rng).trial(0)
     else:
         driven = options
         if scenario in _MACHINES:
@@ -166,6 +165,11 @@ def run(
     survey = survey or SurveyOptions()
     surveyed = simulate_survey(stated, truth, survey, survey_rng, home=options.home)
     return Run(scenario, stated, truth, campaign, surveyed, moving)
+
+
+def _truth(rig: Rig, options: Options, campaign_rng: np.random.Generator) -> Truth:
+    """The one trial that `simulate_campaign` would draw of this generator."""
+    return draw_truths(rig, options, campaign_rng.spawn(1)[0].spawn(1)[0], 1)
 
 
 #: Month of the last campaign; it lies in the past wherever this is run.
@@ -193,30 +197,25 @@ class Months:
     steps: tuple[Step, ...]
 
 
-def simulate_months(
-    rig: Rig,
-    options: Options,
-    rng: np.random.Generator,
-    months: int,
-    *,
-    unchanged: bool = False,
-) -> Months:
+def simulate_months(rig: Rig, options: Options, rng: np.random.Generator, months: int) -> Months:
     """Simulate a campaign a month; the angles walk with the rig's `drift.angle`.
 
-    Zeros are drawn anew each month with their stated standard deviation; load and everything else
-    of the rig stay; the second sensor turns once, if not all is unchanged.
+    The first month's truth is that of `run` by the same seed. Zeros are then drawn anew each month
+    with their stated standard deviation; load and everything else of the rig stay; the second
+    sensor turns once.
     """
-    steps = (Step(int(_WHEN * months), 1, STEP),) if months > 1 and not unchanged else ()
+    steps = (Step(int(_WHEN * months), 1, STEP),) if months > 1 else ()
     truth_rng, zero_rng, walk_rng, *month_rngs = rng.spawn(3 + months)
-    truth = draw_truths(rig, options, truth_rng, 1)
+    truth = _truth(rig, options, truth_rng)
     spread = width(rig.zero.std, UNKNOWN_ZERO)
     campaigns, dates = [], []
     for month in range(months):
-        turn = rig.drift.angle * walk_rng.standard_normal((rig.n, 3)) * (month > 0)
-        for step in steps:
-            turn[step.sensor] += np.asarray(step.turn) * (step.month == month)
-        zero = rig.zero.value + spread * zero_rng.standard_normal((1, rig.n, 3))
-        truth = _turned(truth, turn, zero)
+        if month:
+            turn = rig.drift.angle * walk_rng.standard_normal((rig.n, 3))
+            for step in steps:
+                turn[step.sensor] += np.asarray(step.turn) * (step.month == month)
+            zero = rig.zero.value + spread * zero_rng.standard_normal((1, rig.n, 3))
+            truth = _turned(truth, turn, zero)
         date = _date(month - months + 1)
         dated = replace(rig, campaign=CampaignInfo(date=date))
         campaigns.append(simulate_campaign(dated, options, month_rngs[month], truth))

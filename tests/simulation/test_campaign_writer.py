@@ -1,6 +1,6 @@
 """Folders written, and read back."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import load_rig
 from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
 from tdfscal.records import Acceptance, CampaignInfo, Drift, SensorInfo, UncertainValue
-from tdfscal.simulation import Recorder
+from tdfscal.simulation import MOVING, Recorder, Truth
 from tests.cli.running import contents
 
 from .rigs import loose_rig
@@ -50,6 +50,17 @@ def test_a_folder_holds_what_was_simulated_and_the_same_again(
         with pytest.raises(UsageError, match="MCAP"):
             simulate_to_folder(tmp_path / "d", format=format, postures=2, recorder=apart)
         assert not (tmp_path / "d").exists()
+
+
+def test_one_seed_is_one_rig_whatever_is_driven(tmp_path: Path) -> None:
+    """Also in the first of its months."""
+    still = simulate_to_folder(tmp_path / "still", postures=2, seed=3, format="mcap").truth
+    for scenario in ("months", "tracker", "walk", *MOVING):
+        folder = tmp_path / scenario
+        truth = simulate_to_folder(folder, None, scenario, postures=2, months=1, seed=3).truth
+        for part in fields(Truth):
+            if part.name != "stiffness":
+                np.testing.assert_array_equal(getattr(truth, part.name), getattr(still, part.name))
 
 
 @pytest.mark.parametrize("format", FORMATS[:2])

@@ -217,8 +217,8 @@ def simulate_to_folder(
         recorder=recorder or Recorder(),
     )
     rng = np.random.default_rng(seed)
-    if scenario == "months":  # the same gains every month: a turn shows against them
-        played = simulate_months(rig or reference_rig(), options, rng, months)
+    if scenario == "months":
+        played = simulate_months(rig or sample_rig(), options, rng, months)
         runs = [Run(scenario, c.rig, c.truth, c, None) for c in played.campaigns]
         with together():
             make_folder(folder)
