@@ -125,7 +125,7 @@ class Limited:
     exceeding: float
 
     @property
-    def conforms(self) -> bool:
+    def within_limit(self) -> bool:
         """U ≤ limit."""
         return self.expanded <= self.limit
 
@@ -146,13 +146,13 @@ class Conformity:
     @property
     def conforms(self) -> bool:
         """Both quantities conform."""
-        return self.force.conforms and self.torque.conforms
+        return self.force.within_limit and self.torque.within_limit
 
     @property
     def findings(self) -> tuple[Finding, ...]:
         """What does not conform, for the quality gate."""
         parts = self.force, self.torque
-        return tuple(_finding(part, self.rpy) for part in parts if not part.conforms)
+        return tuple(_finding(part, self.rpy) for part in parts if not part.within_limit)
 
 
 def assess_stated(given: Calibrated) -> Conformity | None:

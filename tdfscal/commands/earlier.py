@@ -16,13 +16,12 @@ from tdfscal.files.calibration.compared import files_of, readings_of, used_part
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.evidence import CampaignResult
-from tdfscal.files.calibration.parameters import calibrated, exact_moves_from, parameter_rows
+from tdfscal.files.calibration.parameters import calibrated, exact_moves
 from tdfscal.files.calibration.parts import HistoryEntry
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import with_rotations
-from tdfscal.model.parameters import parameter_count
-from tdfscal.records import BoolArray, ExactMoves, FloatArray, Rig
+from tdfscal.records import BoolArray, FloatArray
 
 
 @record(kw_only=True)
@@ -81,7 +80,7 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         chi2=sum(fit.chi2 for fit in fits),
         dof=sum(fit.dof for fit in fits),
         stands_on=None if last is None else (last.sha256, last.created),
-        exact=_exact(file, known.rig),
+        exact=exact_moves(file),
         sources=_sources(file),
     )
 
@@ -93,12 +92,6 @@ def _sources(file: CalibrationFile) -> dict[str, FloatArray]:
     shares = np.zeros((len(file.determined), 3, len(file.budget.sources)))
     shares[file.determined] = file.budget.shares.reshape(-1, *shares.shape[1:])
     return dict(zip(file.budget.sources, np.moveaxis(shares, 2, 0), strict=True))
-
-
-def _exact(file: CalibrationFile, rig: Rig) -> tuple[ExactMoves, ...]:
-    """How the parameters (P,) move with errors of what the calibration took as exact."""
-    rows = parameter_rows((file.parameters or file.covariance).parameters, rig.supports)
-    return tuple(exact_moves_from(file.taken_as_exact, rows, parameter_count(rig.n)))
 
 
 def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:

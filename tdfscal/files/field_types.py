@@ -179,6 +179,9 @@ Matrix3 = TypeAliasType("Matrix3", Annotated[tuple[Vector, Vector, Vector], _tri
 Matrix = TypeAliasType(
     "Matrix", Annotated[tuple[Numbers, ...], _plain, AfterValidator(_rectangular)]
 )
+Counts = TypeAliasType("Counts", Annotated[tuple[Count, ...], _plain])
+Pairs = TypeAliasType("Pairs", Annotated[tuple[tuple[NotNegative, NotNegative], ...], _plain])
+Quaternion = TypeAliasType("Quaternion", Annotated[tuple[Number, Number, Number, Number], _plain])
 
 OpenStd = TypeAliasType("OpenStd", Annotated[NotNegative | None, _open])
 OpenStds = TypeAliasType("OpenStds", Annotated[tuple[OpenStd, OpenStd, OpenStd], _open])

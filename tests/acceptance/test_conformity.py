@@ -64,7 +64,7 @@ def test_the_limit_is_guarded_by_the_expanded_uncertainty(quantity: str) -> None
         if quantity == "torque":
             judged, other = other, judged
         assert (judged.limit, other.limit) == (factor * U, np.inf)
-        assert found.conforms == judged.conforms == (factor >= 1)
+        assert found.conforms == judged.within_limit == (factor >= 1)
         assert sum(finding.rejects for finding in found.findings) == (factor < 1)
         assert judged.exceeding == pytest.approx(1 - EXPANDED_COVERAGE, rel=0.01)
     assert len(limited(given(), force=1e-3, torque=1e-3).findings) == 2

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from tdfscal.errors import UsageError
 from tdfscal.exports import FORMATS, cautions, csv_table, ros, urdf
 from tdfscal.files.calibration.document import Calibration, file_content
-from tdfscal.files.calibration.parts import CONVENTION_WITH_SENSITIVITY
+from tdfscal.files.calibration.parts import CONVENTIONS
 from tdfscal.records import ANGLES
 from tests.cli.running import Cli
 from tests.reporting.samples import (
@@ -42,7 +42,7 @@ def scaled() -> Calibration:
     for support in content["supports"]:
         S = 0.01 * rng.normal(size=(3, 3))
         support["sensitivity"] = (np.eye(3) + (S + S.T) / 2).tolist()
-    content["convention"] = CONVENTION_WITH_SENSITIVITY
+    content["convention"] = CONVENTIONS[True]
     return Calibration.model_validate(content)
 
 

@@ -278,8 +278,7 @@ def test_a_joint_file_states_the_contact_wrench_of_both_methods(tmp_path: Path) 
         stated = [c.conformity for c in found.values() if c.conformity is not None]
         force = float(np.sqrt(stated[0].force.expanded * stated[1].force.expanded))
     assert "contact-uncertain" in {finding.code for finding in found["self"].reasons}
-    assert not stated[0].torque.conforms  # whose limit is none: nothing does of a rejected result
     assert found["joint"].accepted
     assert len(found["joint"].inputs) == 5
     assert {file.integrity for file in found["joint"].inputs} == {"unverified"}  # all is plain text
-    assert stated[1].force.conforms
+    assert stated[1].force.expanded < force < stated[0].force.expanded

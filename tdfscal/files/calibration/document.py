@@ -239,7 +239,7 @@ def _check_method(c: Calibration) -> None:
     if c.method == "tracker" and c.estimator is not None:
         raise fault("belongs to self-calibration, not to the method `tracker`", "estimator")
     scaled = any(support.sensitivity is not None for support in c.supports)
-    if c.convention != (parts.CONVENTION_WITH_SENSITIVITY if scaled else parts.CONVENTION):
+    if c.convention != parts.CONVENTIONS[scaled]:
         given = "some supports" if scaled else "no support"
         raise fault(f"does not fit: {given} have a `sensitivity`", "convention")
     for index, (support, rig) in enumerate(zip(c.supports, c.rig.supports, strict=False)):

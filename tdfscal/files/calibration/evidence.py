@@ -1,40 +1,25 @@
 """The evidence behind a calibration, which a report draws and `update` and `compare` go by."""
 
 from collections.abc import Sized
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
-from tdfscal.files.calibration.parts import Angle, Input, MeasuredResult, TerminalResult, Texts
-from tdfscal.files.field_types import (
-    Count,
-    Flag,
-    Matrix,
-    Matrix3,
-    Name,
-    NotNegative,
-    Number,
-    Numbers,
-    OpenRows,
-    OpenStdRows,
-    Positive,
-    PositiveCount,
-    Probability,
-    Sha256,
-    Strict,
-    Text,
-    Vector,
-    Vectors,
-    fault,
-    from_numpy,
-    key,
+from tdfscal.files import field_types as kind
+from tdfscal.files.calibration.parts import (
+    Agreement,
+    Angle,
+    Found,
+    Input,
+    MeasuredResult,
+    Stretch,
+    TerminalResult,
+    Texts,
 )
+from tdfscal.files.field_types import Strict, fault, key
 from tdfscal.numerics.distributions import trials_decide
 from tdfscal.records import FloatArray
-
-Counts = Annotated[tuple[Count, ...], BeforeValidator(from_numpy)]
-Pairs = Annotated[tuple[tuple[NotNegative, NotNegative], ...], BeforeValidator(from_numpy)]
 
 
 class Table(Strict):
@@ -53,9 +38,9 @@ class Table(Strict):
 class AngleBudget(Strict):
     """Variance of one angle by source, rad²."""
 
-    support: Name = key("name of the support")
+    support: kind.Name = key("name of the support")
     angle: Angle = key("roll, pitch or yaw")
-    variance: dict[Text, NotNegative] = key("rad²: contribution of each source")
+    variance: dict[kind.Text, kind.NotNegative] = key("rad²: contribution of each source")
 
 
 class Budget(Strict):
@@ -75,27 +60,27 @@ class Budget(Strict):
 class ExactQuantityResult(Strict):
     """A quantity that was taken as exact, and a typical error of each of its components."""
 
-    name: Text = key("the quantity")
-    error: NotNegative = key("a typical error of each component, in `unit`")
-    unit: Text = key("of the error")
-    effect: Vectors = key(
+    name: kind.Text = key("the quantity")
+    error: kind.NotNegative = key("a typical error of each component, in `unit`")
+    unit: kind.Text = key("of the error")
+    effect: kind.Vectors = key(
         "rad: what it does to roll, pitch, yaw of each sensor that has a rotation; to its turns "
         "about the BCS axes where these are not separable"
     )
-    common: Matrix | None = key(
+    common: kind.Matrix | None = key(
         "SI: move of each of `parameters` (without these, of `covariance`) by that error of each "
         "component, which campaigns of the rig have in common; for `update`",
         None,
     )
-    apart: Matrix | None = key("SI: the same by errors that each campaign has anew", None)
+    apart: kind.Matrix | None = key("SI: the same by errors that each campaign has anew", None)
 
 
 class MonteCarloResult(Strict):
     """What trials show; where they decide, the intervals stated are theirs."""
 
-    trials: PositiveCount = key("number of trials")
-    tolerance: NotNegative = key("rad: numerical tolerance δ (JCGM 101, 7.9.2)")
-    linear_interval_validated: Flag = key("linear interval agrees (JCGM 101, 8)")
+    trials: kind.PositiveCount = key("number of trials")
+    tolerance: kind.NotNegative = key("rad: numerical tolerance δ (JCGM 101, 7.9.2)")
+    linear_interval_validated: kind.Flag = key("linear interval agrees (JCGM 101, 8)")
 
     @property
     def decides(self) -> bool:
@@ -113,17 +98,17 @@ class MonteCarloResult(Strict):
 class ResidualWrench(Strict):
     """Residual of held-out postures without and with the calibration: N or N·m."""
 
-    rms_before: NotNegative = key("root mean square, with the nominal mounting")
-    rms_after: NotNegative = key("root mean square, calibrated")
-    max_before: NotNegative = key("largest, with the nominal mounting")
-    max_after: NotNegative = key("largest, calibrated")
+    rms_before: kind.NotNegative = key("root mean square, with the nominal mounting")
+    rms_after: kind.NotNegative = key("root mean square, calibrated")
+    max_before: kind.NotNegative = key("largest, with the nominal mounting")
+    max_after: kind.NotNegative = key("largest, calibrated")
 
 
 class ValidationResult(Strict):
     """Cross-validation: residual contact wrench of leave-one-out postures."""
 
-    method: Text = key("how postures were held out")
-    postures: Count = key("number of postures")
+    method: kind.Text = key("how postures were held out")
+    postures: kind.Count = key("number of postures")
     force: ResidualWrench = key("N: residual contact force")
     moment: ResidualWrench = key("N·m: residual contact moment")
 
@@ -134,20 +119,18 @@ class LimitedResult(Strict):
     Decision rule: guard band, |deviation| + U ≤ limit (JCGM 106).
     """
 
-    expanded: NotNegative = key("uncertainty of the length, coverage 95.45 %")
+    expanded: kind.NotNegative = key("uncertainty of the length, coverage 95.45 %")
     limit: Annotated[
-        NotNegative | None, BeforeValidator(lambda limit: None if limit == np.inf else limit)
+        kind.NotNegative | None, BeforeValidator(lambda limit: None if limit == np.inf else limit)
     ] = key("the rig file's; null where it states none", None)
-    exceeding: Probability = key("that the error is beyond the limit")
-    conforms: Flag = key(
-        "whether the result is accepted, and the expanded uncertainty within the limit"
-    )
+    exceeding: kind.Probability = key("that the error is beyond the limit")
+    conforms: Any = key("of release 1.0, which wrote what follows from the two", None)
 
 
 class ConformityResult(Strict):
     """The contact wrench's uncertainty at a posture against the rig file's limits."""
 
-    rpy: Vector = key("rad: posture of the terminal")
+    rpy: kind.Vector = key("rad: posture of the terminal")
     force: LimitedResult = key("N: length of the force's error")
     torque: LimitedResult = key("N·m: length of the torque's error")
 
@@ -156,54 +139,50 @@ class PointResiduals(Table):
     """Residuals of a survey's points, in the tracker's frame."""
 
     points: Texts = key("names")
-    residual: Vectors = key("m: measured less fitted")
-    normalised: Vectors = key("over their standard uncertainties")
+    residual: kind.Vectors = key("m: measured less fitted")
+    normalised: kind.Vectors = key("over their standard uncertainties")
 
 
-class TrackerResult(Strict):
-    """How a survey's residuals stand against what is stated."""
+class TrackerResult(Agreement):
+    """How a survey fits."""
 
-    chi2: NotNegative = key("weighted sum of squared residuals, χ²")
-    dof: Count = key("degrees of freedom")
-    p_value: Probability = key("probability of a larger χ² by chance")
-    birge: NotNegative = key("Birge ratio, √(χ²/dof)")
-    points: Count = key("number of points used")
+    points: kind.Count = key("number of points used")
     rejected: Texts = key("names of points left out")
-    consistency_p_value: Probability | None = key("that both methods differ by chance so", None)
-    largest_en: NotNegative | None = key("E_n of the angle in which they differ most", None)
+    consistency_p_value: kind.Probability | None = key("that both methods differ so", None)
+    largest_en: kind.NotNegative | None = key("E_n of the angle in which they differ most", None)
     residuals: PointResiduals = key("of each point")
 
 
 class ReadingsTable(Table):
     """Mean readings, sensor frames, by which a recording is known again."""
 
-    force: tuple[Vectors, ...] = key("N: of each dwell, those of all supports")
-    noise: Vectors = key("N: per support, a mean's typical standard error by noise")
+    force: tuple[kind.Vectors, ...] = key("N: of each dwell, those of all supports")
+    noise: kind.Vectors = key("N: per support, a mean's typical standard error by noise")
 
 
 class DwellTable(ReadingsTable):
     """All dwells: when they were, and their mean readings, as tdfscal's sign has them."""
 
-    start: Numbers = key("s: begin of each dwell, as the log counts")
-    end: Numbers = key("s: end of each dwell")
-    temperature: Numbers | None = key("°C: mean of all sensors in each dwell", None)
+    start: kind.Numbers = key("s: begin of each dwell, as the log counts")
+    end: kind.Numbers = key("s: end of each dwell")
+    temperature: kind.Numbers | None = key("°C: mean of all sensors in each dwell", None)
 
 
 class CampaignResult(Strict):
     """One of several campaigns: its own zeros and load, and what it added to χ²."""
 
-    name: Text = key("its folder")
+    name: kind.Text = key("its folder")
     measured: MeasuredResult = key("when it was recorded")
     inputs: tuple[Input, ...] = key("its files")
-    rig_sha256: Sha256 | None = key("of its rig file", None)
-    zero: OpenRows = key("N: its own zeros, per sensor; null where not measured")
-    zero_std: OpenStdRows = key("N: their standard uncertainties; null where open")
+    rig_sha256: kind.Sha256 | None = key("of its rig file", None)
+    zero: kind.OpenRows = key("N: its own zeros, per sensor; null where not measured")
+    zero_std: kind.OpenStdRows = key("N: their standard uncertainties; null where open")
     terminal: TerminalResult = key("its own mass and barycentre")
-    postures: Count = key("number of postures used")
-    chi2: NotNegative = key("χ² that it added: its residuals, and its departure from earlier ones")
-    dof: Count = key("degrees of freedom that it added")
+    postures: kind.Count = key("number of postures used")
+    chi2: kind.NotNegative = key("χ² that its residuals and its departure from earlier ones add")
+    dof: kind.Count = key("degrees of freedom that it added")
     readings: ReadingsTable | None = key("by which its recording is known again", None)
-    span: tuple[Number, Number] | None = key(
+    span: tuple[kind.Number, kind.Number] | None = key(
         "s in its log's time: begin and end of the part that was used; null without a log", None
     )
 
@@ -213,26 +192,18 @@ class ClockResult(Strict):
     first recorder's first stamp, less that, and grows by the rate.
     """
 
-    recorder: Text = key("its files, as the rig file names them")
-    offset: Number = key(
+    recorder: kind.Text = key("its files, as the rig file names them")
+    offset: kind.Number = key(
         "s: its stamps minus the first's, at the first's first stamp, delay included"
     )
-    offset_std: NotNegative = key("s: standard uncertainty")
-    rate: Number = key("relative: growth of the offset")
-    rate_std: NotNegative = key("relative: standard uncertainty")
+    offset_std: kind.NotNegative = key("s: standard uncertainty")
+    rate: kind.Number = key("relative: growth of the offset")
+    rate_std: kind.NotNegative = key("relative: standard uncertainty")
 
 
 def has_delay(clocks: Sized) -> bool:
     """Whether the clocks beside the first hold the delay: of one it is, of more nothing says."""
     return len(clocks) == 1
-
-
-class Stretch(Strict):
-    """A stretch of the log in s that is no posture, and why."""
-
-    start: Number = key("s in the log's time")
-    end: Number = key("s in the log's time")
-    reason: Text = key("in words")
 
 
 class PostureTable(Table):
@@ -242,35 +213,24 @@ class PostureTable(Table):
     without the posture.
     """
 
-    index: Counts = key("number of the dwell, from 0")
-    start: Numbers = key("s in the log's time")
-    end: Numbers = key("s in the log's time")
-    before: Pairs = key("N and N·m: residual force and moment with the nominal mounting")
-    after: Pairs = key("N and N·m: residual force and moment, calibrated")
+    index: kind.Counts = key("number of the dwell, from 0")
+    start: kind.Numbers = key("s in the log's time")
+    end: kind.Numbers = key("s in the log's time")
+    before: kind.Pairs = key("N and N·m: residual force and moment with the nominal mounting")
+    after: kind.Pairs = key("N and N·m: residual force and moment, calibrated")
     left_out: tuple[Stretch, ...] = key("stretches of rest that are no posture", ())
 
 
 class LeftOutStretch(Strict):
     """A stretch of the log that was not used, s in the log's time."""
 
-    begin: Number = key("s in the log's time")
-    end: Number = key("s in the log's time")
-    code: Text = key("of the finding about it")
-    reason: Text = key("contact, a frozen channel, a sensor at its capacity")
+    begin: kind.Number = key("s in the log's time")
+    end: kind.Number = key("s in the log's time")
+    code: kind.Text = key("of the finding about it")
+    reason: kind.Text = key("contact, a frozen channel, a sensor at its capacity")
 
 
-class MotionValue(Strict):
-    """A number with its standard uncertainty."""
-
-    value: Number = key("s of a delay, N·m of a friction, none of a rate")
-    std: NotNegative = key("standard uncertainty, in the unit of the value")
-
-
-class InertiaValue(Strict):
-    """Inertia about the LCS origin, kg m²."""
-
-    value: Matrix3 = key("kg m²: about the LCS origin, 3 × 3")
-    std: Matrix3 = key("kg m²: standard uncertainty of each entry, 3 × 3")
+Known = Found[kind.Number, kind.NotNegative]
 
 
 class MotionResidual(Table):
@@ -279,22 +239,22 @@ class MotionResidual(Table):
     Moments are about the barycentre; before: nominal mounting and stated zeros, after: calibrated.
     """
 
-    time: Numbers = key("s in the log's time: middles of the means")
-    before: Pairs = key("N and N·m: residual force and moment with the nominal mounting")
-    after: Pairs = key("N and N·m: residual force and moment, calibrated")
+    time: kind.Numbers = key("s in the log's time: middles of the means")
+    before: kind.Pairs = key("N and N·m: residual force and moment with the nominal mounting")
+    after: kind.Pairs = key("N and N·m: residual force and moment, calibrated")
 
 
 class MotionResult(Strict):
     """Samples in motion: from when, how long, what was left out, and what they tell besides."""
 
-    begin: Number = key("s in the log's time: first sample")
-    seconds: Positive = key("s: length of what went in")
-    dwells: Count = key("number of static postures that went in too", 0)
+    begin: kind.Number = key("s in the log's time: first sample")
+    seconds: kind.Positive = key("s: length of what went in")
+    dwells: kind.Count = key("number of static postures that went in too", 0)
     rejected: tuple[LeftOutStretch, ...] = key("stretches of the log that were left out", ())
-    delay: MotionValue = key(
+    delay: Known = key(
         "s: force stamps minus position stamps, in the middle of the log; beyond `clocks`"
     )
-    rate: MotionValue | None = key("growth of that delay, where the log says it", None)
-    inertia: InertiaValue = key("kg m²: of the terminal, about the LCS origin")
-    friction: MotionValue = key("N·m: Coulomb friction of each hinge")
+    rate: Known | None = key("growth of that delay, where the log says it", None)
+    inertia: Found[kind.Matrix3, kind.Matrix3] = key("kg m²: of the terminal, about the LCS origin")
+    friction: Known = key("N·m: Coulomb friction of each hinge")
     residual: MotionResidual = key("of the wrench, over time")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
 from itertools import compress
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from tdfscal import __version__
 from tdfscal.acceptance import assess_stated, locked_sensors
-from tdfscal.catalogue import documents
+from tdfscal.catalogue import documents, sentence
 from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.observability import LONGER, prospect
@@ -86,26 +86,20 @@ def from_self(
     result: SelfCalibration | MotionCalibration, origin: Provenance, notes: Sequence[Finding] = ()
 ) -> Calibration:
     """Return the calibration file of a self-calibration, from postures or in motion."""
-    found = result.uncertainty
-    std, parts = found.parameter_std, _own_parts(result, origin)
-    if isinstance(result, SelfCalibration):
-        state = result.fit.state
-        if result.estimator == "ml":  # the linear method takes zeros and load as they are stated
-            given = result.calibrated
-            std = published_std(given, std)
-            parts["parameters"] = parameters_document(given, _unscaled(result))
-    else:
-        state, std = result.fit.state.still, published_std(result.calibrated, std)
-        parts["parameters"] = parameters_document(result.calibrated)
-        parts["motion"] = statistics.motion(result, evidence.has_delay(origin.clocks))
-    determined = result.observability.determined
+    known, given, std = result.uncertainty, result.calibrated, result.uncertainty.parameter_std
+    parts = _own_parts(result, origin)
+    if parts["estimator"] == "ml":  # the linear method takes zeros and load as they are stated
+        unscaled = _unscaled(result) if isinstance(result, SelfCalibration) else None
+        parts["parameters"] = parameters_document(given, unscaled)
+        std = published_std(given, std)
+    state, determined = result.fit.still, result.observability.determined
     return _file(
         origin,
         Angles(
-            state.rotation, found.covariance, determined, result.monte_carlo, found.coverage_factor
+            state.rotation, known.covariance, determined, result.monte_carlo, known.coverage_factor
         ),
         (*result.reasons, *notes, *(one for one in result.findings if not one.rejects)),
-        with_sources_of_earlier(found.contributions, result.fit.rig.earlier),
+        with_sources_of_earlier(known.contributions, result.fit.rig.earlier),
         exact_quantities(result.fit, result.estimate.parts),
         parts | _state(state, std, result.rig),
     )
@@ -198,7 +192,8 @@ def _followed(one: ExactMoves, weight: FloatArray, follow: FloatArray) -> ExactM
 
 def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) -> dict[str, Any]:
     """What a self-calibration says of itself, of postures or in motion."""
-    seen = statistics.observability(result.observability) | {"forecasts": _forecasts(result)}
+    verdict = sentence(result.observability.finding)
+    seen: dict[str, Any] = {"verdict": verdict, "forecasts": _forecasts(result)}
     parts = {
         "method": "self",
         "estimator": "ml",
@@ -208,7 +203,7 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
         "conformity": result.conformity,
     }
     if not isinstance(result, SelfCalibration):
-        return parts
+        return parts | {"motion": statistics.motion(result, evidence.has_delay(origin.clocks))}
     if result.with_moves is not None:
         stand = result.with_moves[result.observability.determined]
         seen["with_moves"] = np.sqrt(np.mean(stand**2))
@@ -216,7 +211,7 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
         "estimator": result.estimator,
         "postures": statistics.postures(result),
         "dwells": statistics.dwells(result),
-        "drift": None if result.estimator == "linear" else statistics.drift(result),
+        "drift": statistics.drift(result),
     }
 
 
@@ -264,41 +259,41 @@ def _file(
     parts: dict[str, Any],
 ) -> Calibration:
     """Return the file of what every method has; parts : further keys, and those of each support."""
-    rig, R = origin.rig.rig, angles.rotation
-    stand = np.repeat(angles.determined, 3)
+    rig, R, determined = origin.rig.rig, angles.rotation, angles.determined
+    stand, trials = np.repeat(determined, 3), angles.trials
     covariance = angles.covariance[np.ix_(stand, stand)]
     found = documents((*findings, *locked_sensors(rig.supports, R)))
-    names = tuple(compress(rig.supports, angles.determined))
     own = {name: parts.pop(name) for name in ("zero", "zero_std", "sensitivity")}
-    scaled, turns = own["sensitivity"] is not None, {"parameters": turn_parameters(names)}
+    turns = {"parameters": turn_parameters(tuple(compress(rig.supports, determined)))}
     rows = parameter_rows(parts.get("parameters", turns)["parameters"], rig.supports)
-    status = status_of((f["code"], f["severity"]) for f in found)
     return Calibration.model_validate(
         {
             "format": keys.CALIBRATION_FORMAT,
-            "status": status,
-            "created": datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+            "status": status_of((f["code"], f["severity"]) for f in found),
+            "created": keys.instant(time.time()),
             **vars(origin),
             "rig": origin.rig.document,
             "software": {"name": "tdfscal", "version": __version__},
-            "convention": keys.CONVENTION_WITH_SENSITIVITY if scaled else keys.CONVENTION,
+            "convention": keys.CONVENTIONS[own["sensitivity"] is not None],
             "supports": _supports(rig, angles, own),
             "covariance": {
                 **turns,
                 "definition": keys.COVARIANCE_DEFINITION,
                 "matrix": (covariance + covariance.T) / 2,
             },
-            "budget": statistics.budget(rig.supports, budget, angles.determined),
+            "budget": statistics.budget(rig.supports, budget, determined),
             "taken_as_exact": [
                 {"effect": _effect(angles, quantity), **exact_moves_document(quantity, rows)}
                 for quantity in exact
             ],
-            "monte_carlo": statistics.trials(angles.trials),
+            "monte_carlo": trials
+            and {
+                "trials": trials.trials,
+                "tolerance": trials.tolerance.min(),
+                "linear_interval_validated": trials.validated,
+            },
             "findings": found,
             **parts,
-            "conformity": statistics.conformity(
-                parts.get("conformity"), rejected=status == "rejected"
-            ),
         }
     )
 
@@ -308,21 +303,21 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
 
     own : further keys, a row per sensor.
     """
-    R, determined, known = angles.rotation, angles.determined, _stated(angles, angles.covariance)
-    rpy, std = known["rpy"], known["rpy_std"]
-    ends = rpy - angles.factor * std, rpy + angles.factor * std
-    if angles.trials is not None and angles.trials.decides:
-        ends = angles.trials.low, angles.trials.high
-    low, high = (np.where(np.isinf(std), np.inf, end) for end in ends)
+    R, determined, trials = angles.rotation, angles.determined, angles.trials
+    known = angles_document(R, angles.covariance, determined)
+    half = np.where(np.isinf(known["rpy_std"]), 0.0, angles.factor * known["rpy_std"])
+    ends = known["rpy"] - half, known["rpy"] + half
+    if trials is not None and trials.decides:
+        ends = trials.low, trials.high
+    low, high = (np.where(np.isinf(known["rpy_std"]), np.inf, end) for end in ends)
     columns = {name: values for name, values in own.items() if values is not None}
-    columns |= {"rpy": np.where(determined[:, None], rpy, np.inf), "rpy_std": std}
+    columns |= {name: known[name] for name in ("rpy", "rpy_std")}
+    of_rotation = {"rotation": R} | {n: known[n] for n in ("turn_std", "quaternion_xyzw")}
     supports: list[dict[str, Any]] = []
     for i, name in enumerate(rig.supports):
         entry: dict[str, Any] = {"name": name} | {key: v[i] for key, v in columns.items()}
-        entry |= dict.fromkeys(("rotation", "rpy_interval", "quaternion_xyzw"))
         if determined[i]:
-            entry |= {"rotation": R[i]}
-            entry |= {key: known[key][i] for key in ("turn_std", "quaternion_xyzw")}
+            entry |= {key: v[i] for key, v in of_rotation.items()}
             entry["rpy_interval"] = {"coverage": INTERVAL_COVERAGE, "low": low[i], "high": high[i]}
         else:
             axes = zip("xyz", R[i].T, rig.axes[i], strict=True)
@@ -331,16 +326,9 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
     return supports
 
 
-def _stated(angles: Angles, covariance: FloatArray) -> dict[str, FloatArray]:
-    """What is stated of the angles by a covariance; ∞ for a sensor that is undetermined."""
-    known = angles_document(angles.rotation, covariance)
-    std = np.where(angles.determined[:, None], known["rpy_std"], np.inf)
-    return known | {"rpy_std": std}
-
-
 def _effect(angles: Angles, quantity: ExactMoves) -> FloatArray:
     """Effect (k, 3), rad, of a quantity's typical error on the sensors that are determined."""
     turns = quantity.turns(len(angles.rotation))
-    known = _stated(angles, turns @ turns.T)
+    known = angles_document(angles.rotation, turns @ turns.T, angles.determined)
     effect = np.where(np.isinf(known["rpy_std"]), known["turn_std"], known["rpy_std"])
     return effect[angles.determined]

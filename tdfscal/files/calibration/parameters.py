@@ -33,13 +33,12 @@ from tdfscal.records import (
     ExactMoves,
     FloatArray,
     IntArray,
-    Rig,
     UncertainValue,
 )
 
 if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
     from tdfscal.files.calibration.document import Calibration
-    from tdfscal.files.calibration.evidence import ExactQuantityResult, ReadingsTable
+    from tdfscal.files.calibration.evidence import ReadingsTable
     from tdfscal.model.calibrated import Calibrated
 
 Place = tuple[str | int, ...]
@@ -126,15 +125,19 @@ def zeros_and_load(state: State, std: State, axes: BoolArray) -> dict[str, Any]:
     }
 
 
-def angles_document(rotation: FloatArray, covariance: FloatArray) -> dict[str, FloatArray]:
+def angles_document(
+    rotation: FloatArray, covariance: FloatArray, determined: BoolArray
+) -> dict[str, FloatArray]:
     """What the file states of rotations (n, 3, 3) and their covariance (3n, 3n) beside them.
 
-    A row per sensor; ∞, which becomes null, for the rpy_std of roll and yaw not separable.
+    A row per sensor; ∞, which becomes null, for the angles of one that is not determined (n,), and
+    for the rpy_std of roll and yaw that are not separable.
     """
     std = np.sqrt(np.maximum(so3.rpy_variance(rotation, covariance), 0.0))
+    separable = determined & ~so3.locked(rotation)
     return {
-        "rpy": so3.to_rpy(rotation),
-        "rpy_std": np.where(so3.locked(rotation)[:, None], np.inf, std),
+        "rpy": np.where(determined[:, None], so3.to_rpy(rotation), np.inf),
+        "rpy_std": np.where(separable[:, None], std, np.inf),
         "turn_std": turn_std(covariance),
         "quaternion_xyzw": so3.to_quaternion(rotation),
     }
@@ -151,48 +154,33 @@ def exact_moves_document(moves: ExactMoves, rows: IntArray) -> dict[str, Any]:
     return {"name": moves.name, "error": moves.error, "unit": moves.unit, **moved}
 
 
-def exact_moves_from(
-    quantities: Iterable[ExactQuantityResult], rows: IntArray, size: int
-) -> tuple[ExactMoves, ...]:
-    """Read moves (P,) back; rows : of the file's matrices. size : P."""
+def exact_moves(c: Calibration) -> tuple[ExactMoves, ...]:
+    """How all parameters (P,) move with errors of what a calibration took as exact."""
+    rows = parameter_rows((c.parameters or c.covariance).parameters, c.support_names)
 
     def whole(side: Sequence[Sequence[float]] | None) -> FloatArray:
-        out = np.zeros((size, len(side[0]) if side else 0))
+        out = np.zeros((parameter_count(len(c.supports)), len(side[0]) if side else 0))
         out[rows] = side or np.zeros((len(rows), 0))
         return out
 
     return tuple(
         ExactMoves(one.name, one.error, one.unit, whole(one.common), whole(one.apart))
-        for one in quantities
-    )
-
-
-def calibrated_from(block: Parameters, rig: Rig, rotation: FloatArray) -> Calibrated:
-    """Read the block back; rotation (n, 3, 3) as the file gives it."""
-    place = places(block, rig.supports)
-    from tdfscal.model.calibrated import Calibrated
-
-    size = parameter_count(rig.n)
-    step, covariance = np.zeros(size), np.zeros((size, size))
-    step[place] = block.value
-    covariance[np.ix_(place, place)] = block.matrix
-    start = replace(nominal(rig), rotation=rotation)
-    return Calibrated(
-        rig=rig,
-        state=replace(retract(start, step), rotation=rotation),
-        covariance=covariance,
-        open=np.zeros(size, dtype=np.bool_),
-        joint=True,
+        for one in c.taken_as_exact
     )
 
 
 def calibrated(c: Calibration) -> Calibrated:
     """Return the parameters of a calibration file with their covariance."""
-    from tdfscal.model.calibrated import independent
+    from tdfscal.model.calibrated import Calibrated, independent
 
     rig = c.rig.record()
-    if c.parameters is not None:
-        return calibrated_from(c.parameters, rig, c.rotation)
+    if (block := c.parameters) is not None:
+        place, size = places(block, rig.supports), parameter_count(rig.n)
+        step, covariance = np.zeros(size), np.zeros((size, size))
+        step[place], covariance[np.ix_(place, place)] = block.value, block.matrix
+        state = retract(replace(nominal(rig), rotation=c.rotation), step)
+        known = np.zeros(size, dtype=np.bool_)
+        return Calibrated(rig, replace(state, rotation=c.rotation), covariance, known, joint=True)
     mass, barycentre = c.terminal.mass, c.terminal.barycenter
     error = c.sensitivity - np.eye(3)
     return independent(
@@ -247,7 +235,7 @@ def check(c: Calibration) -> None:
         if not np.allclose(R @ R.T, np.eye(3), rtol=0, atol=SAME) or np.linalg.det(R) < 0:
             what = "is not a rotation: not orthonormal, or det ≠ +1"
             raise fault(what, "supports", index, "rotation", hint=ALTERED)
-    for place, source, stated, other in (*_angles(c), *_zeros_and_load(c)):
+    for place, source, stated, other in _repeated(c):
         std = str(place[-1]).endswith("std")
         rtol, atol = (SAME_STD, 0.0) if std else (SAME, SAME)
         values = np.array(stated, dtype=np.float64)  # None, which stands for nothing, is NaN
@@ -270,43 +258,36 @@ def _names(c: Calibration) -> Iterator[tuple[Place, Iterable[str], list[str]]]:
 
 def _tables(c: Calibration) -> Iterator[tuple[Place, Sequence[Any] | None, int]]:
     """Yield the tables that have a row for each support, or each parameter, and how many."""
-    free = len((c.parameters or c.covariance).parameters)
+    n, free = len(c.supports), len((c.parameters or c.covariance).parameters)
     for k, one in enumerate(c.taken_as_exact):
         yield ("taken_as_exact", k, "effect"), one.effect, len(c.mounted)
         yield ("taken_as_exact", k, "common"), one.common, free
         yield ("taken_as_exact", k, "apart"), one.apart, free
-    n = len(c.supports)
-    held: list[tuple[Place, ReadingsTable | None]] = [(("dwells",), c.dwells)]
+    held: dict[Place, ReadingsTable | None] = {("dwells",): c.dwells}
     for k, campaign in enumerate(c.campaigns):
         yield ("campaigns", k, "zero"), campaign.zero, n
         yield ("campaigns", k, "zero_std"), campaign.zero_std, n
-        held.append((("campaigns", k, "readings"), campaign.readings))
-    for place, table in held:
+        held["campaigns", k, "readings"] = campaign.readings
+    for place, table in held.items():
         if table is not None:
             yield (*place, "noise"), table.noise, n
             yield from (((*place, "force", k), row, n) for k, row in enumerate(table.force))
 
 
-def _angles(c: Calibration) -> Iterator[Repeated]:
-    """Yield what follows from rotations and covariance, where it stands too."""
-    known = angles_document(c.rotation, c.rotation_covariance)
+def _repeated(c: Calibration) -> Iterator[Repeated]:
+    """Yield what follows from rotations, their covariance, and all parameters, where it stands."""
+    known: dict[str, Any] = dict(angles_document(c.rotation, c.rotation_covariance, c.determined))
     for i in np.flatnonzero(c.determined).tolist():
-        support, R, place = c.supports[i], c.rotation[i], ("supports", i)
-        source = f"supports[{i}].rotation"
-        yield (*place, "rpy"), source, so3.from_rpy(np.array(support.rpy, dtype=np.float64)), R
-        quaternion, stated = known["quaternion_xyzw"][i], np.array(support.quaternion_xyzw)
+        support, place, source = c.supports[i], ("supports", i), f"supports[{i}].rotation"
+        rpy, stated = np.array(support.rpy, dtype=np.float64), np.array(support.quaternion_xyzw)
+        quaternion = known["quaternion_xyzw"][i]
+        yield (*place, "rpy"), source, so3.from_rpy(rpy), c.rotation[i]
         yield (*place, "quaternion_xyzw"), source, stated * np.sign(stated @ quaternion), quaternion
-        if support.turn_std is not None:
-            yield (*place, "turn_std"), _COVARIANCE, support.turn_std, known["turn_std"][i]
-        if not so3.locked(R):
-            yield (*place, "rpy_std"), _COVARIANCE, support.rpy_std, known["rpy_std"][i]
-
-
-def _zeros_and_load(c: Calibration) -> Iterator[Repeated]:
-    """Yield zeros, sensitivities and load by the block of all parameters."""
+        for name in ("turn_std", "rpy_std"):
+            yield (*place, name), _COVARIANCE, getattr(support, name), known[name][i]
     if c.parameters is None:
         return
-    given = calibrated_from(c.parameters, c.rig.record(), c.rotation)
+    given = calibrated(c)
     std = placed(given.state, np.sqrt(np.diagonal(given.covariance)))
     known = zeros_and_load(given.state, std, given.rig.axes)
     scale = np.eye(3) + symmetric(given.state.sensitivity)
@@ -314,10 +295,10 @@ def _zeros_and_load(c: Calibration) -> Iterator[Repeated]:
         yield ("supports", i, "zero"), _VALUES, support.zero, known["zero"][i]
         yield ("supports", i, "zero_std"), _VARIANCES, support.zero_std, known["zero_std"][i]
         yield ("supports", i, "sensitivity"), _VALUES, c.sensitivity[i], scale[i]
-    for name, stated in c.terminal:
-        value, std_of = known["terminal"][name].values()
-        yield ("terminal", name, "value"), _VALUES, stated.value, value
-        yield ("terminal", name, "std"), _VARIANCES, stated.std, std_of
+    for name, estimate in c.terminal:
+        for what, source in (("value", _VALUES), ("std", _VARIANCES)):
+            other = known["terminal"][name][what]
+            yield ("terminal", name, what), source, getattr(estimate, what), other
 
 
 def _covariance(rows: Sequence[Sequence[float]], size: int, *place: str | int) -> FloatArray:

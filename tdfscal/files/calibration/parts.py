@@ -5,35 +5,12 @@ and the rig leave the quantity open. Tables of evidence are in `evidence`.
 """
 
 from datetime import UTC, datetime
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Generic, Literal, Self, TypeVar, get_args
 
-from pydantic import BeforeValidator, StringConstraints, model_validator
+from pydantic import StringConstraints, model_validator
 
-from tdfscal.files.field_types import (
-    Count,
-    Coverage,
-    Flag,
-    FreeText,
-    Matrix,
-    Matrix3,
-    Name,
-    NotNegative,
-    Number,
-    OpenAngles,
-    OpenRows,
-    OpenStd,
-    OpenStdRows,
-    OpenStds,
-    Positive,
-    Probability,
-    Sha256,
-    Strict,
-    Text,
-    Vector,
-    fault,
-    from_numpy,
-    key,
-)
+from tdfscal.files import field_types as kind
+from tdfscal.files.field_types import Strict, fault, key
 from tdfscal.frozen import record
 from tdfscal.records import InputFile, Integrity, Measured
 from tdfscal.significance import COVERAGE_FACTOR
@@ -44,17 +21,17 @@ Convention = Literal[
     "F_bcs = rotation · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
     "F_bcs = rotation · sensitivity⁻¹ · (F_sensor − zero); rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
 ]
-CONVENTION, CONVENTION_WITH_SENSITIVITY = get_args(Convention)
+CONVENTIONS = get_args(Convention)
+"""Without and with sensitivities."""
 CovarianceDefinition = Literal["R_true = exp([d]x) · rotation, d in the BCS, rad"]
 (COVARIANCE_DEFINITION,) = get_args(CovarianceDefinition)
 
 Status = Literal["accepted", "provisional", "rejected"]
 Method = Literal["self", "tracker", "joint"]
 Angle = Literal["roll", "pitch", "yaw"]
-#: A turn about an axis of the BCS goes by the angle's name where it is that angle.
-Turn = Literal["roll", "pitch", "yaw", "turn about X", "turn about Y", "turn about Z"]
-Quaternion = Annotated[tuple[Number, Number, Number, Number], BeforeValidator(from_numpy)]
-Texts = tuple[Text, ...]
+Texts = tuple[kind.Text, ...]
+Value = TypeVar("Value")
+Std = TypeVar("Std")
 Instant = Annotated[
     str,
     StringConstraints(strict=True, pattern=r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"),
@@ -75,16 +52,16 @@ def seconds(text: str) -> float:
 class Software(Strict):
     """The program that wrote the file."""
 
-    name: Text = key("of the program")
-    version: Text = key("of the program")
+    name: kind.Text = key("of the program")
+    version: kind.Text = key("of the program")
 
 
 class Input(Strict):
     """A file that went into the result."""
 
-    path: FreeText = key("as it was given")
-    sha256: Sha256 = key("of the file's bytes")
-    bytes: Count = key("size of the file")
+    path: kind.FreeText = key("as it was given")
+    sha256: kind.Sha256 = key("of the file's bytes")
+    bytes: kind.Count = key("size of the file")
     integrity: Integrity = key("verified by checksums, or unverified")
 
     def record(self) -> InputFile:
@@ -128,16 +105,9 @@ class MeasuredResult(Strict):
 class Interval(Strict):
     """Coverage interval of roll, pitch, yaw, rad; null for an angle whose `rpy_std` is null."""
 
-    coverage: Coverage = key("probability that the interval holds the value")
-    low: OpenAngles = key("rad: lower ends of roll, pitch, yaw; null where rpy_std is")
-    high: OpenAngles = key("rad: upper ends of roll, pitch, yaw; null where rpy_std is")
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        for low, high in zip(self.low, self.high, strict=True):
-            if low is not None and high is not None and low > high:
-                raise fault("an interval's low end is above its high end")
-        return self
+    coverage: kind.Coverage = key("probability that the interval holds the value")
+    low: kind.OpenAngles = key("rad: lower ends of roll, pitch, yaw; null where rpy_std is")
+    high: kind.OpenAngles = key("rad: upper ends of roll, pitch, yaw; null where rpy_std is")
 
 
 @record
@@ -168,17 +138,17 @@ class SupportResult(Strict):
     the axes that it measures. An axis that is not measured has no zero.
     """
 
-    name: Name = key("of the support, as in the rig file")
-    rotation: Matrix3 | None = key("3 × 3, sensor frame to BCS, determinant +1")
-    rpy: OpenAngles = key("rad: roll, pitch, yaw of Rz(yaw)·Ry(pitch)·Rx(roll)")
-    rpy_std: OpenStds = key("rad: standard uncertainties; null where pitch is ±90°")
-    turn_std: OpenStds | None = key("rad: of the turns about the BCS axes", None)
-    rpy_interval: Interval | None = key("coverage interval of each angle")
-    quaternion_xyzw: Quaternion | None = key("the same rotation, scalar last")
-    zero: OpenAngles = key("N: zero of each axis, sensor frame; null where not measured")
-    zero_std: OpenStds = key("N: its standard uncertainty; null where open")
-    sensitivity: Matrix3 | None = key("I + S, where the rig declares force_sensitivity", None)
-    directions: dict[Literal["x", "y", "z"], Vector] | None = key(
+    name: kind.Name = key("of the support, as in the rig file")
+    rotation: kind.Matrix3 | None = key("3 × 3, sensor frame to BCS, determinant +1", None)
+    rpy: kind.OpenAngles = key("rad: roll, pitch, yaw of Rz(yaw)·Ry(pitch)·Rx(roll)")
+    rpy_std: kind.OpenStds = key("rad: standard uncertainties; null where pitch is ±90°")
+    turn_std: kind.OpenStds | None = key("rad: of the turns about the BCS axes", None)
+    rpy_interval: Interval | None = key("coverage interval of each angle", None)
+    quaternion_xyzw: kind.Quaternion | None = key("the same rotation, scalar last", None)
+    zero: kind.OpenAngles = key("N: zero of each axis, sensor frame; null where not measured")
+    zero_std: kind.OpenStds = key("N: its standard uncertainty; null where open")
+    sensitivity: kind.Matrix3 | None = key("I + S, where the rig declares force_sensitivity", None)
+    directions: dict[Literal["x", "y", "z"], kind.Vector] | None = key(
         "unit vectors, BCS: axes of a sensor without rotation", None
     )
 
@@ -188,7 +158,7 @@ class SupportResult(Strict):
         return self.rotation is not None
 
     @property
-    def stated_std(self) -> OpenStds:
+    def stated_std(self) -> kind.OpenStds:
         """Of roll, pitch, yaw; where roll and yaw are not separable, of the turns about X, Y, Z."""
         return self.turn_std if self.turn_std and None in self.rpy_std else self.rpy_std
 
@@ -202,16 +172,16 @@ class SupportResult(Strict):
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
-        angles = (*self.rpy, *self.stated_std, self.rpy_interval, self.quaternion_xyzw)
-        if {value is None for value in angles} != {not self.determined}:
-            raise fault("has some of its angles and lacks others", "rotation")
-        if self.rpy_interval is not None:
-            low, high = self.rpy_interval.low, self.rpy_interval.high
-            each = [[value is None for value in three] for three in (low, high, self.rpy_std)]
-            if each[0] != each[1] or any(
-                a and not b for a, b in zip(each[0], each[2], strict=True)
-            ):
+        ends, alone = self.rpy_interval, (self.quaternion_xyzw,)
+        angles = {"rpy": self.rpy, "rpy_std": self.stated_std, "quaternion_xyzw": alone}
+        for name, stated in (angles | {"rpy_interval": (ends,)}).items():
+            if {value is None for value in stated} != {not self.determined}:
+                raise fault(f"has a rotation without all of `{name}`, or the reverse", name)
+        for low, high, std in zip(ends.low, ends.high, self.rpy_std, strict=True) if ends else ():
+            if not (low is None) == (high is None) == (std is None):
                 raise fault("lacks an end where the other, or rpy_std, is stated", "rpy_interval")
+            if low is not None and high is not None and low > high:
+                raise fault("has its low end above its high end", "rpy_interval")
         if self.determined != (self.directions is None):
             raise fault("belongs to a sensor without rotation, and to no other", "directions")
         return self
@@ -222,99 +192,94 @@ class Covariance(Strict):
 
     parameters: Texts = key("names of rows and columns")
     definition: CovarianceDefinition = key("what the parameters are")
-    matrix: Matrix = key("rad²: 3n × 3n, symmetric")
+    matrix: kind.Matrix = key("rad²: 3n × 3n, symmetric")
 
 
-class MassResult(Strict):
-    """kg."""
+class Found(Strict, Generic[Value, Std]):
+    """An estimate with its standard uncertainty."""
 
-    value: Positive = key("kg")
-    std: OpenStd = key("kg: standard uncertainty; null where open", None)
+    value: Value = key("the estimate")
+    std: Std = key("its standard uncertainty, in the same unit; null where open")
 
 
-class BarycenterResult(Strict):
-    """m, LCS."""
+Slopes = Found[kind.OpenRows, kind.OpenStdRows]
 
-    value: Vector = key("m, LCS")
-    std: OpenStds = key("m: standard uncertainty of each coordinate; null where open")
+
+class Mass(Found[kind.Positive, kind.OpenStd]):
+    """The estimate of a mass, kg."""
+
+    std: kind.OpenStd = key("kg: standard uncertainty; null where open", None)
 
 
 class TerminalResult(Strict):
-    """Mass and barycentre after the adjustment."""
+    """Mass and barycentre after the adjustment, with what the terminal carries."""
 
-    mass: MassResult = key("of the terminal and its load")
-    barycenter: BarycenterResult = key("of the terminal and its load")
-
-
-class Slopes(Strict):
-    """How the zeros moved by one cause, per support and axis."""
-
-    value: OpenRows = key("per support, of each axis; null where not measured")
-    std: OpenStdRows = key("standard uncertainties, in the same unit; null where open")
+    mass: Mass = key("kg")
+    barycenter: Found[kind.Vector, kind.OpenStds] = key("m, LCS")
 
 
-class RejectedPosture(Strict):
-    """A posture left out of the fit, with its time in s."""
+class Stretch(Strict):
+    """A stretch of the log that is no posture, and why."""
 
-    index: Count = key("number of the dwell, from 0")
-    start: Number = key("s in the log's time")
-    end: Number = key("s in the log's time")
-    code: Text = key("of the finding about it")
-    reason: Text = key("in words")
+    start: kind.Number = key("s in the log's time")
+    end: kind.Number = key("s in the log's time")
+    reason: kind.Text = key("in words")
 
 
-class FitResult(Strict):
-    """How the model fits: its residuals against what is stated."""
+class RejectedPosture(Stretch):
+    """A posture left out of the fit."""
 
-    postures: Count = key("number of postures used")
+    index: kind.Count = key("number of the dwell, from 0")
+    code: kind.Text = key("of the finding about it")
+
+
+class Agreement(Strict):
+    """How residuals stand against what is stated of them."""
+
+    chi2: kind.NotNegative = key("weighted sum of squared residuals, χ²")
+    dof: kind.Count = key("degrees of freedom")
+    p_value: kind.Probability = key("probability of a larger χ² by chance")
+    birge: kind.NotNegative = key("Birge ratio, √(χ²/dof)")
+
+
+class FitResult(Agreement):
+    """How the model fits."""
+
+    postures: kind.Count = key("number of postures used")
     rejected: tuple[RejectedPosture, ...] = key("postures left out, with the reason", ())
-    chi2: NotNegative = key("weighted sum of squared residuals, χ²")
-    dof: Count = key("degrees of freedom")
-    p_value: Probability = key("probability of a larger χ² by chance")
-    birge: NotNegative = key("Birge ratio, √(χ²/dof)")
-    rms_force: NotNegative = key("N: root mean square of the residual force")
-    rms_moment: NotNegative = key("N·m: of the residual moment about the barycentre")
-
-
-class AngleSeen(Strict):
-    """What the data say of one angle."""
-
-    support: Name = key("name of the support")
-    angle: Turn = key("roll, pitch or yaw")
-    std: OpenStd = key("rad: standard uncertainty; missing where undetermined", None)
-    prior_std: OpenStd = key("rad: before the data; null without a prior", None)
-    identified: Flag = key("whether the data determine it")
+    rms_force: kind.NotNegative = key("N: root mean square of the residual force")
+    rms_moment: kind.NotNegative = key("N·m: of the residual moment about the barycentre")
 
 
 class ForecastResult(Strict):
     """What a change of the campaign would bring."""
 
     change: Literal["postures", "squeeze", "tare", "seconds"] = key("what is changed")
-    amount: NotNegative = key("postures more; N, internal force; N, of a zero; s, of motion")
-    worst_std: NotNegative = key("rad: largest standard uncertainty of an angle to expect")
+    amount: kind.NotNegative = key("postures more; N, internal force; N, of a zero; s, of motion")
+    worst_std: kind.NotNegative = key("rad: largest standard uncertainty of an angle to expect")
 
 
 class ObservabilityResult(Strict):
     """The verdict in words and numbers."""
 
-    verdict: Text = key("one sentence")
-    angles: tuple[AngleSeen, ...] = key("every angle with what is known of it")
-    with_moves: NotNegative | None = key("rad: mean to expect with --samples all", None)
+    verdict: kind.Text = key("one sentence")
+    angles: Any = key("of release 1.0, which wrote what `supports` says a second time", None)
+    with_moves: kind.NotNegative | None = key("rad: mean to expect with --samples all", None)
     forecasts: tuple[ForecastResult, ...] = key("what changes would bring", ())
 
 
 class FindingResult(Strict):
     """Something that was found; by its severity and code the status follows."""
 
-    code: Text = key("what it is; the catalogue lists all codes")
+    code: kind.Text = key("what it is; the catalogue lists all codes")
     severity: Literal["refuses", "rejects", "warns", "notes"] = key("how grave it is")
-    subject: tuple[FreeText, ...] = key("supports, channels, files or lines that it is about", ())
-    size: Number | None = key("how much, in `unit`", None)
-    unit: FreeText | None = key("of the size", None)
-    p_value: Probability | None = key("probability that chance alone shows as much", None)
-    harm: NotNegative | None = key("rad: by how much it would move the worst angle", None)
-    text: Text = key("what was found, in words")
-    cure: FreeText | None = key("what to do about it, where something is", None)
+    subject: tuple[kind.FreeText, ...] = key("supports, channels, files, lines", ())
+    size: kind.Number | None = key("how much, in `unit`", None)
+    unit: kind.FreeText | None = key("of the size", None)
+    p_value: kind.Probability | None = key("probability that chance alone shows as much", None)
+    harm: kind.NotNegative | None = key("rad: by how much it would move the worst angle", None)
+    text: kind.Text = key("what was found, in words")
+    cure: kind.FreeText | None = key("what to do about it, where something is", None)
 
     @property
     def told(self) -> str:
@@ -328,4 +293,4 @@ class HistoryEntry(Strict):
     created: Instant = key("UTC: when it was computed")
     measured: MeasuredResult = key("when its data were recorded")
     method: Method = key("self, tracker or joint")
-    sha256: Sha256 = key("of the calibration's file")
+    sha256: kind.Sha256 = key("of the calibration's file")

@@ -3,27 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.checks.shared_data import Readings, readings
-from tdfscal.estimation.observability import Observability
-from tdfscal.files.calibration.evidence import CampaignResult, ConformityResult
+from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.parameters import zeros_and_load
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
 from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, layout, symmetric
-from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
-from tdfscal.records import ANGLES, BoolArray, Dwells, FloatArray
+from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.records import ANGLES, BoolArray, FloatArray
 from tdfscal.selfcal.result import SelfCalibration
 
 if TYPE_CHECKING:
-    from tdfscal.acceptance import Conformity
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
 
@@ -37,12 +34,14 @@ def fit(
     result: SelfCalibration | MotionCalibration, campaigns: Sequence[CampaignResult]
 ) -> dict[str, Any]:
     """Residuals, rejected postures; χ² of all campaigns, where there are several."""
-    said = asdict(result.quality)
+    said = {**vars(result.quality)}
     if isinstance(result, SelfCalibration):
-        said |= {
-            "postures": len(result.dwells) - len(result.rejected),
-            "rejected": rejected(result.dwells, result.rejected),
-        }
+        start, end = result.dwells.start, result.dwells.end
+        said["postures"] = len(start) - len(result.rejected)
+        said["rejected"] = [
+            {"index": k, "start": start[k], "end": end[k], **_why(reason)}
+            for k, reason in sorted(result.rejected.items())
+        ]
     else:
         said["postures"] = result.dwells
     if campaigns:
@@ -53,43 +52,21 @@ def fit(
     return said
 
 
-def rejected(dwells: Dwells, reasons: Mapping[int, Finding]) -> list[dict[str, Any]]:
-    """Postures left out, dwell index → reason, with their times."""
-    return [
-        {"index": k, "start": dwells.start[k], "end": dwells.end[k], **_why(reason)}
-        for k, reason in sorted(reasons.items())
-    ]
-
-
 def _why(reason: Finding) -> dict[str, str]:
     return {"code": reason.code, "reason": sentence(reason)}
-
-
-def observability(seen: Observability) -> dict[str, Any]:
-    """Verdict, and each angle against its prior."""
-    return {
-        "verdict": sentence(seen.finding),
-        "angles": [
-            asdict(a)
-            | {"prior_std": np.float64(a.prior_std)}
-            | ({"std": None} if a.support in seen.undetermined else {})
-            for a in seen.angles
-        ],
-    }
 
 
 def validation(result: SelfCalibration | MotionCalibration) -> dict[str, Any] | None:
     """Residual wrench where postures, or stretches of a motion, were left out, before and after."""
     if (check := result.validation) is None:
         return None
-    lengths = check.before, check.after
-    columns = [np.sqrt(np.mean(length**2, axis=0)) for length in lengths]
-    columns += [length.max(axis=0) for length in lengths]
-    names = ("rms_before", "rms_after", "max_before", "max_after")
-    force, moment = (dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True))
-    part = "stretch of the motion" if result.fit.moving else "posture"
-    method = f"leave one {part} out"
-    return {"method": method, "postures": len(check.before), "force": force, "moment": moment}
+    said: dict[str, Any] = {"postures": len(check.before), "force": {}, "moment": {}}
+    said["method"] = f"leave one {'stretch of the motion' if result.fit.moving else 'posture'} out"
+    for when, length in (("before", check.before), ("after", check.after)):
+        for k, name in enumerate(("force", "moment")):
+            said[name][f"rms_{when}"] = np.sqrt(np.mean(length[:, k] ** 2))
+            said[name][f"max_{when}"] = length[:, k].max()
+    return said
 
 
 def budget(
@@ -106,56 +83,28 @@ def budget(
     return {"sources": list(kept), "angles": angles}
 
 
-def trials(found: MonteCarlo | None) -> dict[str, Any] | None:
-    """Monte Carlo of either method."""
-    if found is None:
-        return None
-    return {
-        "trials": found.trials,
-        "tolerance": float(found.tolerance.min()),
-        "linear_interval_validated": found.validated,
-    }
-
-
-def conformity(found: Conformity | None, *, rejected: bool) -> dict[str, Any] | None:
-    """Of the contact wrench; of a rejected result nothing conforms."""
-    if found is None:
-        return None
-    said = ConformityResult.model_validate(found).model_dump()
-    for part in ("force", "torque"):
-        said[part]["conforms"] &= not rejected
-    return said
-
-
 def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
     """Points of a survey, and their residuals: m in the tracker's frame, and over their std."""
-    residual, normalised = (
-        np.concatenate([getattr(survey.fit, name) for survey in result.surveys])
-        for name in ("residual", "normalised")
-    )
     names = [name for survey in result.surveys for name in survey.points.names]
+    residuals = {
+        name: np.concatenate([getattr(survey.fit, name) for survey in result.surveys])
+        for name in ("residual", "normalised")
+    }
     return {
         **{name: getattr(result, name) for name in ("chi2", "dof", "p_value", "birge")},
         "points": len(names),
         "rejected": [point.name for point in result.rejected],
-        "residuals": {"points": names, "residual": residual, "normalised": normalised},
+        "residuals": {"points": names, **residuals},
     }
 
 
 def postures(result: SelfCalibration) -> dict[str, Any]:
     """Time and residual wrench of each posture in the fit."""
-    dwells, check = result.dwells, result.validation
+    dwells = result.dwells
     used = [k for k in range(len(dwells)) if k not in result.rejected]
-    return {
-        "index": used,
-        "start": dwells.start[used],
-        "end": dwells.end[used],
-        "before": check.before,
-        "after": check.after,
-        "left_out": [
-            {"start": s.start, "end": s.end, "reason": sentence(s.reason)} for s in dwells.left_out
-        ],
-    }
+    out = [{**vars(each), "reason": sentence(each.reason)} for each in dwells.left_out]
+    times = {"start": dwells.start[used], "end": dwells.end[used]}
+    return {"index": used, **times, **vars(result.validation), "left_out": out}
 
 
 def dwells(result: SelfCalibration) -> dict[str, Any] | None:
@@ -164,12 +113,8 @@ def dwells(result: SelfCalibration) -> dict[str, Any] | None:
     if len(found) > _LOOKED_AT:
         return None
     warm = None if found.temperature is None else found.temperature.mean(axis=1)
-    return {
-        "start": found.start,
-        "end": found.end,
-        "temperature": warm,
-        **vars(readings(result.rig, found)),
-    }
+    times = {"start": found.start, "end": found.end, "temperature": warm}
+    return {**times, **vars(readings(result.rig, found))}
 
 
 def campaign(
@@ -188,7 +133,7 @@ def campaign(
 def drift(result: SelfCalibration) -> dict[str, Any] | None:
     """Slopes of the zeros that the rig file declares; the modes of a walk say nothing each."""
     slopes, held = result.fit.state.drift, result.fit.postures.motion
-    if held is None:
+    if held is None or result.estimator == "linear":
         return None
     place = layout(result.rig.n, len(slopes))["drift"]
     std = result.uncertainty.parameter_std[place].reshape(slopes.shape)
@@ -208,13 +153,10 @@ def motion(result: MotionCalibration, in_clock: bool) -> dict[str, Any]:
     moving, std = result.fit.state.moving, result.moving_std
     told = result.rate_told and not in_clock
     return {
-        "begin": result.begin,
-        "seconds": result.seconds,
-        "dwells": result.dwells,
+        **{name: getattr(result, name) for name in ("begin", "seconds", "dwells", "residual")},
         "rejected": [{"begin": s.begin, "end": s.end, **_why(s.reason)} for s in result.rejected],
         "delay": {"value": 0.0 if in_clock else moving.delay, "std": std[DELAY]},
         "rate": {"value": moving.rate, "std": std[RATE]} if told else None,
         "inertia": {"value": symmetric(moving.inertia), "std": symmetric(std[INERTIA])},
         "friction": {"value": moving.friction, "std": std[FRICTION]},
-        "residual": result.residual,
     }
