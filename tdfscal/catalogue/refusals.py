@@ -263,9 +263,6 @@ supports-differ refuses
 covariance-singular refuses
   the covariance of the rotations is not positive definite
   -> calibrate again; a rotation that the data do not determine cannot be compared
-joint-unsettled refuses
-  the joint estimate found no minimum
-  -> compare the two calibrations; they lie too far apart to be combined
 calibration-unnamed refuses
   stands on a calibration of {date} that is not named
   -> name every calibration since the first, or campaigns instead

@@ -10,13 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
-from tdfscal.errors import DataError, NotConvergedError
+from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Contrast, gain, inverse, p_value
-from tdfscal.numerics.least_squares import block_diagonal, gauss_newton
 from tdfscal.records import ANGLES, FloatArray, Rotations
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, EXPANDED_COVERAGE, INCOMPATIBLE
 
@@ -221,6 +220,11 @@ def _require_covariance(name: str, rotations: Rotations) -> None:
         raise DataError(Finding("covariance-singular"), where=name)
 
 
+#: Rounds until two estimates are counted from what they are together; of a turn between them each
+#: leaves a share of its square.
+_ROUNDS = 8
+
+
 @record
 class Joint:
     """The joint estimate of two calibrations of the same sensors.
@@ -231,57 +235,35 @@ class Joint:
     """
 
     rotations: Rotations
-    rpy: FloatArray
-    rpy_std: FloatArray
     test: Comparison
     weight: FloatArray
 
+    @property
+    def rpy_std(self) -> FloatArray:
+        """Standard uncertainty (n, 3), rad, of roll, pitch, yaw."""
+        return rpy_std(self.rotations)
+
 
 def combine(self_calibration: Rotations, tracker: Rotations) -> Joint:
-    """Weight two independent estimates by their full covariances on SO(3)ⁿ.
+    """Add what two independent estimates say, each with its full covariance.
 
-    Minimises Σ d_aᵀ C_a⁻¹ d_a over X, with d_a stacked from log(X_i X_{a,i}ᵀ), by Gauss–Newton.
-    The covariance is (C_1⁻¹ + C_2⁻¹)⁻¹, which in no direction exceeds either C_a; turning the
-    covariances from X_a to X would change it by about |d_a|/2 of itself, mrad here.
+    Counted from what they say together, X, nothing is left: Σ C_a⁻¹ d_a = 0, with d_a stacked from
+    log(X_{a,i} X_iᵀ). The covariance is (C_1⁻¹ + C_2⁻¹)⁻¹, which in no direction exceeds either
+    C_a; turning the covariances from X_a to X would change it by about |d_a|/2 of itself, mrad
+    here.
 
     Raises
     ------
     DataError : the two are not of the same supports.
-    NotConvergedError : no minimum was found, which only estimates far apart can cause.
     """
     test = compare_pair(("self", self_calibration), ("tracker", tracker))
-    second = in_order_of(self_calibration, tracker)
-    informations = [inverse(each.covariance) for each in (self_calibration, second)]
+    both = self_calibration, in_order_of(self_calibration, tracker)
+    informations = [inverse(each.covariance) for each in both]
     covariance = inverse(informations[0] + informations[1])
-    n = len(self_calibration.supports)
-    roots = [np.linalg.cholesky(each).T for each in informations]
-    estimates = (self_calibration.rotation, second.rotation)
-
-    def rows(X: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """W_a d_a of both, and their slopes by left turns of X."""
-        away = [so3.log(X @ np.swapaxes(rotation, 1, 2)) for rotation in estimates]
-        slopes = [block_diagonal(*np.linalg.inv(so3.left_jacobian(d))) for d in away]
-        return (
-            np.concatenate([W @ d.ravel() for W, d in zip(roots, away, strict=True)]),
-            np.concatenate([W @ J for W, J in zip(roots, slopes, strict=True)]),
-        )
-
-    def turned(X: FloatArray, step: FloatArray) -> FloatArray:
-        return so3.exp(step.reshape(n, 3)) @ X
-
-    # The difference, shared out by the informations, is all but the answer.
-    start = covariance @ informations[0] @ test.rotation_vector.ravel()
-    found = gauss_newton(rows, turned, turned(second.rotation, start))
-    if not found.converged:
-        raise NotConvergedError(Finding("joint-unsettled"))
-    X = found.state
-    X = so3.project(X)
-    rotations = Rotations(self_calibration.supports, X, covariance)
-    share = np.diag(covariance @ informations[1]).reshape(n, 3)
-    return Joint(
-        rotations=rotations,
-        rpy=so3.to_rpy(X),
-        rpy_std=rpy_std(rotations),
-        test=test,
-        weight=share,
-    )
+    X = both[1].rotation
+    for _ in range(_ROUNDS):
+        away = [so3.log(each.rotation @ np.swapaxes(X, 1, 2)).ravel() for each in both]
+        score = informations[0] @ away[0] + informations[1] @ away[1]
+        X = so3.project(so3.exp((covariance @ score).reshape(-1, 3)) @ X)
+    share = np.diag(covariance @ informations[1]).reshape(-1, 3)
+    return Joint(Rotations(self_calibration.supports, X, covariance), test, share)

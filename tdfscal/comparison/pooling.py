@@ -196,7 +196,7 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         references = shared.moved(references, move)
         settled = bool(np.all(np.abs(move) < _SETTLED * np.sqrt(np.diag(posterior.covariance))))
     members = [
-        _member(shared, k, item, fits[k], reduced[k], references, rejected[k], known)
+        _member(shared, k, item, fits[k], reduced[k], references[k], rejected[k], known, walk.prior)
         for k, (item, known) in enumerate(zip(ordered, walk.before(), strict=True))
     ]
     return Pool(shared, references, walk, tuple(members))
@@ -208,22 +208,23 @@ def _member(
     item: Recorded,
     at: Fit | None,
     part: Observation,
-    references: Sequence[State],
+    reference: State,
     rejected: dict[int, Finding],
     known: Information,
+    prior: Information,
 ) -> Member:
-    """A campaign within the pool; known : before it, from those before it."""
+    """A campaign within the pool; known : before it, from those before it and what is stated."""
     if (earlier := item.earlier) is not None:
         chi2, dof = earlier.chi2, earlier.dof
     elif item.estimate is not None:  # without rows: how far it departs where it tells anything
-        told = part.information.beside(shared.stated(references))
+        told = part.information.beside(prior)
         chi2, dof = contrast(known, told).chi2()
     else:
         chi2, dof = _fresh(known, part), part.rows
         # Constants of which nothing was stated are determined by the first that has them.
         if shared.terminal[index] == index:
             dof -= unstated(Priors(item.rig), load_alone=index > 0)
-    state = item.own_state(at, part, references[index])
+    state = item.own_state(at, part, reference)
     exact = item.scores(at, part, shared.places[index])
     return Member(item, part, at, state, rejected, chi2, dof, exact)
 
