@@ -275,7 +275,7 @@ def hundred() -> str:
         reads, _ = read_campaigns(groups, Settings())
         read = time.perf_counter() - start
         start = time.perf_counter()
-        pool([judged(item).recorded for item in reads])
+        pool([judged(item) for item in reads])
         rest = time.perf_counter() - start
     figures = f"{read:.1f}", f"{rest:.1f}", f"{(read + rest) / read:.2f}"
     return row("100 × 12 dwells, 100 Hz, Parquet", *figures)

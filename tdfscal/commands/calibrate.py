@@ -193,18 +193,16 @@ def calibrate_samples(
     return replace(own, with_moves=expected)
 
 
-def calibrate_motion(log: LogPass, dwells: Dwells, rig: Rig) -> MotionCalibration | None:
+def calibrate_few(
+    log: LogPass, dwells: Dwells, slow: Slow | None, rig: Rig
+) -> MotionCalibration | None:
     """Calibrate from a log's motion, by what a rig states; None where its dwells are to be taken.
 
-    dwells : of the log, which is read once more where they are too few to calibrate from.
     Raises DataError, NotIdentifiableError, NotConvergedError where it has no dwell either.
     """
-    again = LogPass(log.campaign, log.settings)
-
-    def moving() -> MotionCalibration:
-        return _moving(again, again.moving(), rig=rig, instead_of=len(dwells))
-
-    return where_few(dwells, ENOUGH, moving)
+    if slow is None:
+        return None
+    return where_few(dwells, ENOUGH, partial(_moving, log, slow, rig=rig, instead_of=len(dwells)))
 
 
 def _static(

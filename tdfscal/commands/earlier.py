@@ -21,7 +21,8 @@ from tdfscal.files.calibration.parts import HistoryEntry
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import with_rotations
-from tdfscal.records import BoolArray, FloatArray
+from tdfscal.numerics import so3
+from tdfscal.records import BoolArray, FloatArray, Measured
 
 
 @record(kw_only=True)
@@ -29,6 +30,8 @@ class Earlier(EarlierCalibration):
     """A calibration file as what is known before another campaign."""
 
     file: Calibration
+    measured: Measured
+    sha256: str
 
     @property
     def campaigns(self) -> tuple[CampaignResult, ...]:
@@ -66,32 +69,37 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         covariance = _unscaled(covariance, file.determined, np.array(file.parameters.unscaled))
     # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
     alone = () if file.fit is None or file.motion is not None else (file.fit,)
-    fits = file.campaigns or alone
+    fits, measured = file.campaigns or alone, file.measured.record()
     in_memory = isinstance(source, CalibrationFile) or str(source) == "-"
     content = dump_calibration(file, "yaml").encode() if in_memory else Path(name).read_bytes()
-    last = file.history[-1] if file.history else None
     return Earlier(
         name=name,
-        file=file,
-        known=replace(known, covariance=covariance),
+        month=measured.month,
+        rig=known.rig,
+        estimate=replace(known, covariance=covariance),
+        exact=exact_moves(file),
+        contributions=_contributions(file, known.state.rotation, covariance),
         determined=file.determined,
-        measured=file.measured.record(),
-        sha256=sha256(content).hexdigest(),
         chi2=sum(fit.chi2 for fit in fits),
         dof=sum(fit.dof for fit in fits),
-        stands_on=None if last is None else (last.sha256, last.created),
-        exact=exact_moves(file),
-        sources=_sources(file),
+        file=file,
+        measured=measured,
+        sha256=sha256(content).hexdigest(),
     )
 
 
-def _sources(file: CalibrationFile) -> dict[str, FloatArray]:
-    """Shares (n, 3) of the sources in the variance of roll, pitch, yaw; none where not told."""
+def _contributions(
+    file: CalibrationFile, rotation: FloatArray, covariance: FloatArray
+) -> dict[str, FloatArray]:
+    """Variances (n, 3) of roll, pitch, yaw by source; none where the shares are not told."""
     if file.budget is None:
         return {}
     shares = np.zeros((len(file.determined), 3, len(file.budget.sources)))
     shares[file.determined] = file.budget.shares.reshape(-1, *shares.shape[1:])
-    return dict(zip(file.budget.sources, np.moveaxis(shares, 2, 0), strict=True))
+    turns = 3 * len(rotation)
+    variance = so3.rpy_variance(rotation, covariance[:turns, :turns])
+    each = np.moveaxis(shares, 2, 0) * variance
+    return dict(zip(file.budget.sources, each, strict=True))
 
 
 def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:
@@ -129,13 +137,12 @@ def on_one_another(known: Sequence[Earlier]) -> list[Earlier]:
 
     Raises UsageError where that is not among them, and older ones are.
     """
-    found = list[Earlier]()
+    found, first = list[Earlier](), min(e.month for e in known) if known else 0.0
     for e in known:
-        digest, created = e.stands_on or ("", "")
-        base = next((other for other in known if other.sha256 == digest), None)
-        first = min(other.measured.month for other in known)
-        if base is None and digest and first < e.measured.month:
-            unnamed = Finding("calibration-unnamed", values={"date": created[:10]})
+        last = e.file.history[-1] if e.file.history else None
+        base = next((one for one in known if last and one.sha256 == last.sha256), None)
+        if last and base is None and first < e.month:
+            unnamed = Finding("calibration-unnamed", values={"date": last.created[:10]})
             raise UsageError(unnamed, where=e.name)
         found.append(replace(e, base=base))
     return found

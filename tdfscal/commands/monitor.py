@@ -118,11 +118,11 @@ def monitor(
     checks: list[Earlier | Judged] = [*known, *reads]
     if not checks:
         raise RejectedError("; ".join(map(told, lost)))
-    rig = max(checks, key=lambda check: check.measured.month).rig
     progress(f"going through {len(checks)} checks")
-    ordered: list[Earlier | Judged] = sorted([*reads, *known], key=lambda one: one.measured.month)
-    life, noisy = life_of(rig, pool([check.recorded for check in checks]))
-    making = Making(command, tuple(file for read in reads for file in read.log.inputs))
+    ordered: list[Earlier | Judged] = sorted([*reads, *known], key=lambda check: check.month)
+    rig = max(checks, key=lambda check: check.month).rig
+    life, noisy = life_of(rig, pool(checks))
+    making = Making(command, tuple(file for one in reads for file in one.read.log.inputs))
     found = [*lost, *papers, *noisy, *_findings(life, checks), *overdue(rig, making.created[:10])]
     found += (finding(life, alarm) for alarm in life.alarms)
     return MonitorResult(rig, life, tuple(found), tuple(map(_source, ordered)), making)
@@ -132,14 +132,13 @@ def _taking_part(
     known: Sequence[Earlier], reads: Sequence[Judged], unusable: Unusable
 ) -> tuple[list[Judged], list[Finding]]:
     """Campaigns that no one rejects, and what is said of the others; the latest is wanted."""
-    measured = [*(one.measured for one in known), *(one.measured for one in reads)]
-    latest = max(when.month for when in measured)
+    latest = max(check.month for check in (*known, *reads))
     sound = [read for read in reads if not read.rejected]
     few = len(known) + len(sound) < 2
     needed, others = list[Finding](), list[Finding]()
     for read in reads:
         if read.rejected:
-            wants = few or read.measured.month == latest
+            wants = few or read.month == latest
             (needed if wants else others).append(read.rejected)
     remarks = (read.remark for read in sound if read.remark)
     return sound, [*wanted(needed), *unusable.findings, *others, *remarks]
@@ -152,7 +151,7 @@ def _source(check: Earlier | Judged) -> Source:
         fact, key = calibration_fact(check.name, check.file), "content_sha256"
         digest = report_digest(check.file)
     else:
-        digest, key = check.log.campaign.rig.sha256, "rig_sha256"
+        digest, key = check.read.log.campaign.rig.sha256, "rig_sha256"
         fact = "Campaign", f"{check.name}, of {day_measured(when)}, rig file SHA-256 {digest}"
     return fact, {"measured": when.model_dump(), key: digest}
 

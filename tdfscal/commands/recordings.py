@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +21,8 @@ from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.errors import DataError, OutputError, TdfscalError, UsageError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
-from tdfscal.records import Dwells, ExactMoves, Measured, Rig, Rotations
+from tdfscal.motioncal.streams import Slow
+from tdfscal.records import Dwells, Measured, Rig
 
 if TYPE_CHECKING:
     from tdfscal.trackercal import TrackerCalibration
@@ -77,18 +78,22 @@ class Recording:
 
 @record
 class Read(Recording):
-    """A campaign that was read: its dwells, or its tracker's survey, and when it was measured.
+    """A campaign that was read: its dwells and slow streams, or its tracker's survey."""
 
-    span : s, the part of its log that was read; None without one. exact : how the survey moves with
-    errors of what it took as exact.
-    """
-
-    rig: Rig
     log: LogPass
-    span: tuple[float, float] | None
-    dwells: Dwells | None
-    survey: Rotations | None
-    exact: tuple[ExactMoves, ...]
+    dwells: Dwells | None = None
+    slow: Slow | None = None
+    survey: TrackerCalibration | None = None
+
+    @property
+    def rig(self) -> Rig:
+        """What its rig file states."""
+        return self.log.rig
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        """Part of its log that was read, s; None without one."""
+        return None if self.dwells is None else (self.log.begin, self.log.end)
 
 
 class Unusable(dict[str, TdfscalError]):
@@ -96,13 +101,15 @@ class Unusable(dict[str, TdfscalError]):
 
     @contextmanager
     def noting(self, name: str) -> Iterator[None]:
-        """Take down what the data or the files of a campaign do not give."""
+        """Take down what the data or the files of a campaign do not give, with its name."""
         try:
             yield
         except OutputError:
             raise
         except TdfscalError as error:
-            self[name] = error
+            where = error.where or ""
+            where = where if where.startswith(name) else f"{name}: {where}".rstrip(": ")
+            self[name] = error.restated(where=where)
 
     @property
     def first(self) -> TdfscalError:
@@ -136,34 +143,33 @@ def read_campaigns(
 
     Raises UsageError where they are of different rigs.
     """
-    logs, unusable = list[tuple[str, LogPass]](), Unusable()
+    logs, unusable, reads = dict[str, LogPass](), Unusable(), list[Read]()
     for group in groups:
-        with unusable.noting(str(group[0])):
-            logs.append((str(group[0]), LogPass(resolve(group, rig), settings)))
-    for name, log in logs:
+        with unusable.noting(name := str(group[0])):
+            logs[name] = LogPass(resolve(group, rig), settings)
+    for name, log in logs.items():
         like = like or (name, log.rig)
         log.messages += require_one_rig(like, (name, log.rig))
-    reads = list[Read]()
-    for name, log in logs:
+    for name, log in logs.items():
         with unusable.noting(name):
             reads.append(_read(name, log))
     return sorted(reads, key=lambda read: read.measured.month), unusable
 
 
 def _read(name: str, log: LogPass) -> Read:
-    dwells, means, survey, exact, span = None, None, None, tuple[ExactMoves, ...](), None
+    means, found = None, dict[str, Any]()
     if log.campaign.logs:
-        with naming(name), log.explaining():
-            dwells = log.dwells()
+        with log.explaining():
+            found["dwells"], found["slow"] = log.samples()
         log.messages += misdated(log)
-        means, span = readings(log.rig, dwells), (log.begin, log.end)
+        means = readings(log.rig, found["dwells"])
     else:
         log.messages += log.campaign.lost_log
-        found, _ = surveyed(log, 0, np.random.default_rng(0))
-        survey, exact = found.rotations, found.exact
+        found["survey"], _ = surveyed(log, 0, np.random.default_rng(0))
     wanted = set(map(str, log.campaign.rig.surveys[::2]))
+    span = (log.begin, log.end) if log.campaign.logs else None
     files = [Recorded(f.path, f.sha256, span) for f in log.inputs if f.path not in wanted]
-    return Read(name, files, measured(log), means, log.rig, log, span, dwells, survey, exact)
+    return Read(name, files, measured(log), means, log, **found)
 
 
 def require_one_rig(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Finding, ...]:
@@ -185,17 +191,6 @@ def left_out(reasons: Collection[Finding], postures: int) -> list[Finding]:
     (reason, _), *_ = Counter(map(sentence, reasons)).most_common(1)
     values: dict[str, Value] = {"postures": postures, "reason": reason}
     return [Finding("postures-left-out", size=len(reasons), values=values)]
-
-
-@contextmanager
-def naming(campaign: str) -> Iterator[None]:
-    """Let an error name the campaign."""
-    try:
-        yield
-    except TdfscalError as error:
-        where = error.where or ""
-        where = where if where.startswith(campaign) else f"{campaign}: {where}".rstrip(": ")
-        raise error.restated(where=where) from error
 
 
 def refuse_repeated(recordings: Sequence[Recording]) -> None:

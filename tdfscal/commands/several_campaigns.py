@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import fields
+from copy import copy
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence, severity
 from tdfscal.catalogue.campaign import SUSPECTS
-from tdfscal.commands.calibrate import Own, calibrate_motion, drafted, origin_of
+from tdfscal.commands.calibrate import Own, calibrate_few, drafted, origin_of
 from tdfscal.commands.campaign import PathLike, day
 from tdfscal.commands.earlier import Earlier
 from tdfscal.commands.log_pass import Settings
@@ -22,7 +22,6 @@ from tdfscal.commands.recordings import (
     Recording,
     Unusable,
     left_out,
-    naming,
     read_campaigns,
     refuse_repeated,
 )
@@ -38,7 +37,8 @@ from tdfscal.files.calibration.from_results import from_self
 from tdfscal.files.calibration.statistics import campaign
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
-from tdfscal.model.parameters import layout
+from tdfscal.model.calibrated import independent
+from tdfscal.model.parameters import layout, parameter_count
 from tdfscal.records import Measured, Rig
 from tdfscal.reporting.history import finding as alarm_finding
 from tdfscal.reporting.layout import short
@@ -55,8 +55,8 @@ PRECISION = ("angle-uncertain", "contact-uncertain")
 _REMARKS = 3
 
 
-@record
-class Judged(Read):
+@record(kw_only=True)
+class Judged(Recorded):
     """A campaign with what it gives to a pool, and what is said of it by itself.
 
     rejected : why `calibrate` rejects it, however well it knows the angles; None where it does
@@ -64,53 +64,58 @@ class Judged(Read):
     its residuals ask a reader to know; None where that is nothing.
     """
 
-    recorded: Recorded
-    rejected: Finding | None
-    remark: Finding | None
+    read: Read
+    rejected: Finding | None = None
+    remark: Finding | None = None
+
+    @property
+    def measured(self) -> Measured:
+        """When it was recorded."""
+        return self.read.measured
 
 
 def judged(read: Read) -> Judged:
     """Take a campaign's dwells, or its motion where they are few, or its survey; and judge it.
 
-    Raises TdfscalError by cause; it names the campaign.
+    Raises TdfscalError by cause.
     """
-    rig = read.rig
+    rig, dwells = read.rig, read.dwells
     alone: Own | None = None
-    if read.dwells is None:
-        given: dict[str, Any] = {"survey": read.survey, "exact": read.exact}
+    if dwells is None:
+        survey = read.survey
+        assert survey is not None
+        at, moves = survey.rotations, np.eye(parameter_count(rig.n), 3 * rig.n)
+        exact = tuple(one.by(moves) for one in survey.exact)
+        given: dict[str, Any] = {
+            "estimate": independent(rig, at.rotation, at.covariance),
+            "exact": exact,
+        }
     else:
-        with naming(read.name), read.log.explaining():
-            alone = calibrate_motion(read.log, read.dwells, rig)
-            if alone is None:
-                given = {"postures": usable_postures(rig, read.dwells).postures}
+        with read.log.explaining():
+            moved = calibrate_few(copy(read.log), dwells, read.slow, rig)
+            if moved is None:
+                given = {"postures": usable_postures(rig, dwells).postures}
             else:
-                exact = exact_quantities(alone.fit, alone.estimate.parts)
-                given = {"estimate": alone.calibrated, "exact": exact}
-        if alone is None:
+                exact = exact_quantities(moved.fit, moved.estimate.parts)
+                given = {"estimate": moved.calibrated, "exact": exact}
+        alone = moved
+        if moved is None:
             with suppress(TdfscalError):
-                alone = self_calibrate(rig, read.dwells, rng=np.random.default_rng(0), max_trials=0)
-    said, rejected, remark = "; ".join(_told(read, alone)), None, None
+                rng = np.random.default_rng(0)
+                alone = self_calibrate(rig, dwells, rng=rng, max_trials=0)
+    if alone is not None:
+        given["contributions"] = alone.uncertainty.contributions
+    found = Judged(name=read.name, month=read.measured.month, rig=rig, read=read, **given)
+    said = "; ".join(_told(read, alone))
     # A cause rather than how badly it fits.
     reasons = [] if alone is None else [r for r in alone.reasons if r.code not in PRECISION]
     if reasons:
         cause = min(reasons, key=lambda reason: reason.code in _SYMPTOMS)
         why = "; ".join(filter(None, (sentence(cause), said)))
         values: dict[str, Value] = {"why": why, "hint": cure(cause), "cause": cause.code}
-        rejected = Finding("campaign-left-out", (read.name,), values=values)
-    elif said:
-        remark = Finding("campaign-remark", (read.name,), values={"said": said})
-    return Judged(
-        **{field.name: getattr(read, field.name) for field in fields(Read)},
-        recorded=Recorded(
-            read.name,
-            read.measured.month,
-            rig,
-            contributions={} if alone is None else alone.uncertainty.contributions,
-            **given,
-        ),
-        rejected=rejected,
-        remark=remark,
-    )
+        return replace(found, rejected=Finding("campaign-left-out", (read.name,), values=values))
+    remark = Finding("campaign-remark", (read.name,), values={"said": said}) if said else None
+    return replace(found, remark=remark)
 
 
 def _told(read: Read, alone: Own | None) -> list[str]:
@@ -166,7 +171,7 @@ def calibrate_informed(read: Read, informed: Rig, trials: int | None) -> Own:
     """
     assert read.dwells is not None
     with read.log.explaining():
-        own: Own | None = calibrate_motion(read.log, read.dwells, informed)
+        own: Own | None = calibrate_few(read.log, read.dwells, read.slow, informed)
         if own is None or len(read.dwells):
             rng = np.random.default_rng(0).spawn(2)[0]
             stage = read.log.progress
@@ -203,47 +208,47 @@ def calibrate_several(
     reads, unusable = usable_campaigns(groups, settings, rig, known, before)
     if not reads:
         raise unusable.first
-    _check(reads, earlier)
+    _check([one.read for one in reads], earlier)
     settings.progress(f"pooling {len(reads)} campaigns")
-    read = [one for one in reads if one.dwells is not None][-1]
-    rejected = {one.name: one.rejected for one in reads if one.rejected}
-    sound = [one for one in reads if not one.rejected or (earlier and one is read)]
-    if len(sound) + len(known) > 1 and any(one.dwells is not None for one in sound):
+    last = [one for one in reads if one.read.dwells is not None][-1]
+    rejected = [one for one in reads if one.rejected]
+    sound = [one for one in reads if not one.rejected or (earlier and one is last)]
+    if len(sound) + len(known) > 1 and any(one.read.dwells is not None for one in sound):
         reads = sound
-        read = [one for one in reads if one.dwells is not None][-1]
-    recorded = [one.recorded for one in reads]
+        last = [one for one in reads if one.read.dwells is not None][-1]
+    read, before_them = last.read, []
     if earlier:  # it stands behind them, whatever files without a date say
-        month = min(earlier.measured.month, *(one.month for one in recorded))
-        recorded.insert(0, replace(earlier.recorded, month=month))
-    pooled = pool(recorded)
+        month = min(earlier.month, *(one.month for one in reads))
+        before_them = [replace(earlier, month=month)]
+    pooled = pool([*before_them, *reads])
     life, _ = life_of(read.rig, pooled)
     changes, pooled = _changes(life, pooled)
-    at = pooled.index(read.recorded)
+    at = pooled.index(last)
     known_before = pooled.others(read.rig, at)
     if not (read.rig.drift.angle or changes):
         known_before = with_unmoved(known_before, life.detectable)
-    informed = replace(read.rig, earlier=known_before)
-    own = calibrate_informed(read, informed, settings.trials)
+    own = calibrate_informed(read, replace(read.rig, earlier=known_before), settings.trials)
     reasons = [*changes, *_lost(pooled, at), *unusable.findings]
     causes = {reason.code for reason in own.reasons}
-    for name, found in rejected.items():
-        if name not in {one.name for one in reads}:
-            reasons.append(found)
-        elif name != read.name or found.values["cause"] not in causes:  # or it is said already
-            reasons += wanted([found])
+    for one in rejected:
+        assert one.rejected is not None
+        if one not in reads:
+            reasons.append(one.rejected)
+        elif one is not last or one.rejected.values["cause"] not in causes:  # or it is said already
+            reasons += wanted([one.rejected])
     origin = origin_of(
         read.log,
-        inputs=tuple(entry for one in reads for entry in one.log.inputs),
+        inputs=tuple(entry for one in reads for entry in one.read.log.inputs),
         measured=_whole([one.measured for one in reads]),
         campaigns=(*(earlier.campaigns if earlier else ()), *_campaigns(reads, pooled)),
         history=earlier.history() if earlier else (),
     )
-    remarks = drafted(one.log.campaign.rig for one in reads)
-    remarks += [one.remark for one in reads if one is not read and one.remark]
+    remarks = drafted(one.read.log.campaign.rig for one in reads)
+    remarks += [one.remark for one in reads if one is not last and one.remark]
     remarks += [said for said in read.log.messages if said not in own.findings]
     remarks += defects(earlier.name, earlier.file) if earlier else []
     said = own.findings
-    if changes and not read.rejected:  # what else rejects it stands on what it does not fit
+    if changes and not last.rejected:  # what else rejects it stands on what it does not fit
         said = tuple(f for f in said if not f.rejects or f.code in PRECISION)
     own = replace(own, findings=(*reasons, *said))
     return Calibration.of(from_self(own, origin, remarks))
@@ -283,11 +288,12 @@ def _whole(each: Sequence[Measured]) -> Measured:
     return Measured(min(one.begin for one in each), max(one.end for one in each), source)
 
 
-def _campaigns(reads: Sequence[Judged], pooled: Pool) -> tuple[CampaignResult, ...]:
+def _campaigns(reads: Sequence[Judged], pooled: Pool) -> Iterator[CampaignResult]:
     """What the file says of each campaign."""
-    return tuple(
-        campaign(
-            *pooled.own_state(read.rig, pooled.index(read.recorded)),
+    for read, index in ((one.read, pooled.index(one)) for one in reads):
+        member = pooled.members[index]
+        yield campaign(
+            *pooled.own_state(read.rig, index),
             read.rig.axes,
             read.means,
             name=read.name,
@@ -299,9 +305,6 @@ def _campaigns(reads: Sequence[Judged], pooled: Pool) -> tuple[CampaignResult, .
             chi2=member.chi2,
             dof=max(member.dof, 0),
         )
-        for read in reads
-        for member in [pooled.members[pooled.index(read.recorded)]]
-    )
 
 
 def _changes(life: Life, pooled: Pool) -> tuple[list[Finding], Pool]:

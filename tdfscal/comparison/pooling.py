@@ -19,19 +19,13 @@ from tdfscal.comparison.common import (
     sources_together,
     with_load,
 )
-from tdfscal.comparison.members import Recorded
+from tdfscal.comparison.members import EarlierCalibration, Recorded
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import Observation, eliminate, unstated
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import free_constants, joint_prior, loosened, turned
-from tdfscal.model.parameters import (
-    State,
-    nominal,
-    placed,
-    prior_std,
-    with_motions,
-)
+from tdfscal.model.parameters import State, nominal, placed, with_motions
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Contrast, Information, contrast
 from tdfscal.records import ExactMoves, FloatArray, JointPrior, Rig
@@ -48,7 +42,7 @@ class Member:
     """A campaign within the pool.
 
     reduced : what it says by itself. fit : at the common constants; None where it has no postures.
-    state : its own parameters at the common constants; None for a survey.
+    state : its own parameters at the common constants.
     chi2, dof : of its residuals and of its departure from those before it. exact : scores (C,) of
     what it says, by errors of what it takes as exact.
     """
@@ -56,7 +50,7 @@ class Member:
     recorded: Recorded
     reduced: Observation
     fit: Fit | None
-    state: State | None
+    state: State
     rejected: dict[int, Finding]
     chi2: float
     dof: int
@@ -83,7 +77,7 @@ class Member:
         prior : what is stated of the constants, beside which it says something of them. None of a
         calibration that stands on another one, whose χ² is in its own.
         """
-        if (earlier := self.recorded.earlier) is not None:
+        if isinstance(earlier := self.recorded, EarlierCalibration):
             return (earlier.chi2, earlier.dof) if earlier.base is None else (0.0, 0)
         part = self.reduced
         told = part.information.beside(prior)
@@ -144,18 +138,13 @@ class Pool:
 
     def own_state(self, rig: Rig, index: int) -> tuple[State, State]:
         """What one campaign's own parameters are, and their standard uncertainties, ∞ unknown."""
-        member = self.members[index]
-        if member.state is None:
-            state, std = nominal(rig), prior_std(rig)
-        else:
-            state, part = member.state, member.reduced
-            C = self.posterior(index).covariance
-            variance = np.diagonal(part.spread) + np.einsum("oc,cd,od->o", part.give, C, part.give)
-            std = np.zeros(len(part.places))
-            std[part.places] = np.where(part.open, np.inf, np.sqrt(variance))
-            free = np.flatnonzero(free_constants(rig))
-            std[free] = np.sqrt(np.diagonal(C)[self.common.places[index]])
-        return state, placed(state, std)
+        member, C = self.members[index], self.posterior(index).covariance
+        part = member.reduced
+        variance = np.diagonal(part.spread) + np.einsum("oc,cd,od->o", part.give, C, part.give)
+        std = np.zeros(len(part.places))
+        std[part.places] = np.where(part.open, np.inf, np.sqrt(variance))
+        std[free_constants(rig)] = np.sqrt(np.diagonal(C)[self.common.places[index]])
+        return member.state, placed(member.state, std)
 
 
 def pool(campaigns: Sequence[Recorded]) -> Pool:
@@ -214,8 +203,8 @@ def _member(
     prior: Information,
 ) -> Member:
     """A campaign within the pool; known : before it, from those before it and what is stated."""
-    if (earlier := item.earlier) is not None:
-        chi2, dof = earlier.chi2, earlier.dof
+    if isinstance(item, EarlierCalibration):
+        chi2, dof = item.chi2, item.dof
     elif item.estimate is not None:  # without rows: how far it departs where it tells anything
         told = part.information.beside(prior)
         chi2, dof = contrast(known, told).chi2()
@@ -270,8 +259,6 @@ def _first_round(
         fits[k] = result
         known = begin(with_motions(result.state, 0)) if known is None else known
         known = known + shared.embedded(k, eliminate(result, references[k]).information)
-    if not references and (survey := ordered[0].survey) is not None:
-        begin(replace(nominal(ordered[0].rig), rotation=survey.rotation))
     turns = _turns(ordered, [fits[k] for k in np.argsort(sizes)[::-1]], references[0].rotation)
     return fits, rejected, [replace(reference, rotation=turns) for reference in references]
 
@@ -281,8 +268,9 @@ def _turns(
 ) -> FloatArray:
     """Rotations (n, 3, 3), each sensor's of the first calibration that gives it, or of a fit."""
     found, told = rotation.copy(), np.zeros(len(rotation), dtype=np.bool_)
-    known = [(item.earlier.determined, item.start) for item in ordered if item.earlier]
-    moved = [(~told, item.start) for item in ordered if item.earlier is None]
+    earlier = [item for item in ordered if isinstance(item, EarlierCalibration)]
+    known = [(item.determined, item.start) for item in earlier]
+    moved = [(~told, item.start) for item in ordered if item not in earlier]
     fitted = [(~told, at.state) for at in fits if at is not None]
     for sensors, state in (*known, *moved, *fitted):
         if state is not None:

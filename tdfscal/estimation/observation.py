@@ -28,9 +28,8 @@ from tdfscal.model.parameters import (
     prior_std,
     with_motions,
 )
-from tdfscal.numerics import so3
-from tdfscal.numerics.information import Contrast, Information, nothing, without
-from tdfscal.records import BoolArray, FloatArray, Rotations
+from tdfscal.numerics.information import Contrast, Information, without
+from tdfscal.records import BoolArray, FloatArray
 
 #: A share of a direction that no row sees below this is rounding.
 _OPEN = 1e-6
@@ -97,19 +96,8 @@ def eliminate(of: Fitted, reference: State) -> Observation:
     )
 
 
-def of_survey(survey: Rotations, reference: State, size: int) -> Observation:
-    """What an estimate of the rotations alone says, as a tracker's survey gives it."""
-    n = len(survey.rotation)
-    away = so3.log(survey.rotation @ np.swapaxes(reference.rotation, 1, 2)).ravel()
-    out = nothing(size)
-    matrix = np.linalg.inv(survey.covariance)
-    out.matrix[: 3 * n, : 3 * n] = (matrix + matrix.T) / 2
-    out.score[: 3 * n] = out.matrix[: 3 * n, : 3 * n] @ away
-    return _alone(out, np.zeros(0, dtype=np.bool_), np.zeros((0, size)), np.zeros((0, 0)), away)
-
-
 def of_estimate(known: Calibrated, prior: Information, reference: State) -> Observation:
-    """What a campaign says that was calibrated by itself, as one in motion is.
+    """What a campaign says that was calibrated by itself, as one in motion and a survey are.
 
     Its posterior less its prior (C, C) of the constants, both counted from the reference: the noise
     of its rows was estimated with them, so that no χ² of its own remains.
@@ -122,24 +110,10 @@ def of_estimate(known: Calibrated, prior: Information, reference: State) -> Obse
     found = without(Information(posterior, posterior @ away), prior)
     give = C[np.ix_(places, free)] @ posterior
     spread = C[np.ix_(places, places)] - give @ C[np.ix_(free, places)]
-    return _alone(found, places, give, spread, away)
-
-
-def _alone(
-    found: Information, places: BoolArray, give: FloatArray, spread: FloatArray, away: FloatArray
-) -> Observation:
-    """An estimate without residuals: χ² is its distance from the reference."""
+    # An estimate without residuals: χ² is its distance from the reference.
     chi2, rank = Contrast(found.matrix, found.score).chi2()
-    return Observation(
-        information=found,
-        chi2=chi2,
-        rows=rank,
-        places=places,
-        own=-give @ away if len(give) else np.zeros(0),
-        give=give,
-        spread=spread,
-        open=np.zeros(len(give), dtype=np.bool_),
-    )
+    own, none_open = -give @ away, np.zeros(len(give), dtype=np.bool_)
+    return Observation(found, chi2, rank, places, own, give, spread, none_open)
 
 
 def stated(priors: Priors, reference: State) -> Information:
