@@ -120,7 +120,9 @@ def _record_forces(
     moment = timeline.at(time)
     truth = stage.truth.trial(0)
     force = _true_forces(rig, options, stage, timeline, inertia, time)
-    force += shaking(recorder, timeline, time, stage.rest.pose.place(rig.hinge)[0], shake_rng)
+    stops = stage.rest.pose.place(rig.hinge)[0]
+    way = between(stage.postures.trial(0), moment).pose.place(rig.hinge)
+    force += shaking(recorder, timeline, time, stops, way, shake_rng)
     sd = sd_rng.uniform(*recorder.force_sd, rig.n)
     place = timeline.place(time)
     signal = (

@@ -86,13 +86,16 @@ def shaking(
     timeline: Timeline,
     time: FloatArray,
     hinge: FloatArray,
+    way: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
     """Vibration in the moves and settling after them, (N, n, 3), N, to be added to the forces.
 
     Settling: a relaxation and an oscillation of equal size, both falling to 5 % in
     `recorder.settling`. The relaxation builds up during the move before the stop; of internal
-    forces, since nothing else could hold it in balance. hinge : (K, n, 3), m, BCS, at the stops.
+    forces at every place on the way, since nothing else could hold it in balance.
+
+    hinge : (K, n, 3), m, BCS, at the stops; way : (N, n, 3), at these times.
     """
     shape = hinge.shape
     K, n = shape[:2]
@@ -110,7 +113,7 @@ def shaking(
         decay = np.exp(-since * np.log(20.0) / recorder.settling)
         out += decay * (relax[k] + ring[k] * np.sin(2.0 * np.pi * ring_rate[k] * since))
         after = np.minimum(k + 1, K - 1)
-        out += moment.share[:, None, None] * relax[after]
+        out += moment.share[:, None, None] * internal_part(way, relax[after])
     return np.asarray(out, dtype=np.float64)
 
 

@@ -67,6 +67,25 @@ def test_rest_and_motion() -> None:
         assert 0.4 < travelled < 0.6
 
 
+def test_what_will_relax_at_a_stop_builds_up_in_balance() -> None:
+    """Of internal forces all the way: no net force and no net moment at any place of a move."""
+    calm = replace(SILENT, dwell=(1.0, 1.0), move=(2.0, 2.0), settling=0.1)
+    logs = [
+        simulate_campaign(
+            exact_rig(),
+            still(postures=3, rpy=np.zeros((3, 3)), recorder=replace(calm, settling_force=size)),
+            np.random.default_rng(4),
+        ).log
+        for size in (0.0, 50.0)
+    ]
+    rows = np.arange(105, 300)  # the first move, long after the first stop's oscillation
+    grown = (forces(logs[1]) - forces(logs[0]))[rows]
+    assert np.abs(grown[-1]).max() > 5.0
+    np.testing.assert_allclose(grown.sum(axis=1), 0.0, atol=1e-9)
+    moment = np.cross(positions(logs[0])[rows], grown).sum(axis=1)
+    np.testing.assert_allclose(moment, 0.0, atol=1e-9)
+
+
 def test_a_move_takes_the_force_that_its_mass_needs() -> None:
     """Newton's m a of the same move, whose terminal does not turn."""
     recorder = replace(SILENT, dwell=(1.0, 1.0), move=(2.0, 2.0))
