@@ -11,18 +11,23 @@ from typing import Any, ClassVar, Self
 from tdfscal.findings import Finding
 
 #: A number as a computer writes it; not a part of a name or a path.
-_EXPONENT = re.compile(r"(?<![\w./-])[-+]?\d[\d.]*e[-+](?:0\d|1[0-5])(?![\w/]|\.\w)")
+_EXPONENT = re.compile(r"(?<![\w./-])([-+]?\d[\d.]*)e([-+]\d\d+)(?![\w/]|\.\w)")
+#: Powers of ten from which on the digits of a number are too many to be read.
+_UNREADABLE = 16
 
 
 def without_exponent(text: str) -> str:
-    """Text for people, who count no powers of ten: 2e+07 is 20000000; none beyond all sense."""
+    """Text for people: 2e+07 is 20000000; beyond all sense a power of ten, 1·10^300."""
     if "e-" not in text and "e+" not in text:
         return text
     from decimal import Decimal
 
-    return _EXPONENT.sub(
-        lambda number: f"{Decimal(number[0]):{'+' * (number[0][0] == '+')}f}", text
-    )
+    def written(number: re.Match[str]) -> str:
+        if abs(int(number[2])) >= _UNREADABLE:
+            return f"{number[1]}·10^{int(number[2])}"
+        return f"{Decimal(number[0]):{'+' * (number[0][0] == '+')}f}"
+
+    return _EXPONENT.sub(written, text)
 
 
 def visible(text: str) -> str:

@@ -242,12 +242,12 @@ path-in-contact rejects
   the most without contact{zeros:|: something touched, zeros have moved, or a sensor has}
   ? zeros : zeros that moved by up to {zeros:N} explain it, and so would a contact that stays
   -> {zeros:if nothing touched it, take the new zeros in|drive it free, or ask which: tdfscal
-    validate; where the calibration still holds and zeros have moved, take the new ones in}: tdfscal
-    update CALIBRATION LOG -o FILE
+    validate; where the calibration still holds and zeros have moved, take the new ones in}:
+    `{line}`
 path-zeros-moved rejects
   {subject}: {size} in {axis} stand on the whole path, as zeros make that have moved since the
   calibration, or a contact that stays: false stops are more than twice as many as asked for
-  -> if nothing touched it, take the new zeros in: tdfscal update CALIBRATION LOG -o FILE
+  -> if nothing touched it, take the new zeros in: `{line}`
 moves-beyond rejects
   {subject}: while the path moves, the wrench reaches {size} in {axis} (at {time:.4g} s) though
   nothing touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not
@@ -274,12 +274,12 @@ path-inertia-unknown notes
   -> state `terminal.inertia` in rig.yaml, with `value: [[Ixx, Ixy, Ixz], [Ixy, Iyy, Iyz],
     [Ixz, Iyz, Izz]]` and `std`, kg m² about the LCS origin, or watch for contact at rest only
 path-without-noise warns
-  {planned:a plan has no samples|the path shows no noise of samples}, so that these sizes are too
-  low for the thresholds of a machine
-  -> take a {planned:|longer }recorded log of a free path
+  {planned:a plan has no samples|the path shows no noise of samples}{filtered: behind a filter of ~
+  Hz, for it rests too briefly|}, so that these sizes are too low for the thresholds of a machine
+  -> take a {planned:|longer }recorded log of a free path{filtered:, or a higher filter|}
 contact-unseen rejects
   of {subject} the smallest contact seen is {size}, and {limit:.3g} must be seen
   (acceptance.contact)
-  -> tare, filter lower, or calibrate with more postures and a harder squeeze
+  -> lower what its shares name: tare, filter, or calibrate with more postures and a harder squeeze
 """),
 }

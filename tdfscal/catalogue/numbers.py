@@ -87,6 +87,11 @@ def rounded(size: float, digits: int = 2) -> str:
     return without_exponent(f"{size:.{digits}g}")
 
 
+def measured(size: float, digits: int = 2) -> str:
+    """Return what was measured or worked out with so many significant digits, zeros too: 0.300."""
+    return without_exponent(f"{size:#.{digits}g}").rstrip(".")
+
+
 def upwards(size: float, digits: int = 1) -> str:
     """Return a size with so many significant digits, upwards."""
     size = max(abs(size), np.finfo(float).tiny)

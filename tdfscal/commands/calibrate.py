@@ -29,7 +29,7 @@ from tdfscal.errors import NotConvergedError, NotIdentifiableError, TdfscalError
 from tdfscal.estimation.observability import ENOUGH
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
 from tdfscal.files.calibration.from_results import Provenance, from_self
-from tdfscal.files.calibration.parts import Method
+from tdfscal.files.calibration.parts import MeasuredResult, Method
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.motioncal.preparation import with_moves
@@ -338,7 +338,8 @@ def _with_page(
     log.progress("drawing the report")
     said, where = tuple(map(told, log.messages)), tuple(map(str, paths))
     rig, command = log.campaign.rig, log.settings.command
-    attempt = Attempt(error, rig, tuple(log.inputs), said, where, command)
+    when = MeasuredResult.model_validate(measured(log)) if log.inputs else None
+    attempt = Attempt(error, rig, tuple(log.inputs), said, where, command, when)
     write_text(page, render(undetermined_report(attempt, undetermined_drawings(attempt))))
     appear_now()
     look = f"{page} shows what is weak and what the log holds"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from dataclasses import field
 from pathlib import Path
@@ -149,7 +150,9 @@ def capability(
         )
     progress("looking for thresholds")
     found = assess(path.given, path.errors, path.noise, path.duration, request)
-    findings = (*path.use.findings, *path.findings, *_findings(path, found))
+    named = shlex.join([path.use.name, *map(str, listed(paths))])
+    judged = _findings(path, found, request.cutoff, f"tdfscal update {named} -o FILE")
+    findings = (*path.use.findings, *path.findings, *judged)
     return CapabilityResult(own, found, request, findings, point, not places.averaged)
 
 
@@ -277,10 +280,12 @@ def _readings(given: Calibrated, driven: Driven) -> FloatArray:
     return np.asarray(np.linalg.solve(sensing(state), force[..., None])[..., 0] + state.zero)
 
 
-def _findings(path: FreePath, found: Capability) -> Iterator[Finding]:
-    """What the path and the calibration's use are to be judged by."""
+def _findings(
+    path: FreePath, found: Capability, cutoff: float | None, line: str
+) -> Iterator[Finding]:
+    """What is to be judged by; cutoff : of the filter, Hz; line : that takes new zeros in."""
     use, stated = path.use, path.use.campaign.rig.rig
-    unsound = list(_rejecting(path, found))
+    unsound = list(_rejecting(path, found, line))
     yield from unsound
     if not path.given.joint and use.calibration.method != "tracker":
         yield Finding("covariance-in-part", (use.name,))
@@ -295,7 +300,9 @@ def _findings(path: FreePath, found: Capability) -> Iterator[Finding]:
     if not drifts and path.age.known and days > 1.0:
         yield Finding("drift-undeclared", size=days)
     if not path.noise.spans:
-        yield Finding("path-without-noise", values={"planned": not use.campaign.logs})
+        planned = not use.campaign.logs
+        filtered = f"{cutoff:g}" if cutoff is not None and not planned else ""
+        yield Finding("path-without-noise", values={"planned": planned, "filtered": filtered})
     if path.given.rig.inertia is None and path.sampled and not unsound:
         yield Finding("path-inertia-unknown")
     for name, unit, rows, limit in stated.acceptance.contact_limits:
@@ -305,7 +312,7 @@ def _findings(path: FreePath, found: Capability) -> Iterator[Finding]:
             yield Finding("contact-unseen", (name,), worst, unit, values=values, rejects=True)
 
 
-def _rejecting(path: FreePath, found: Capability) -> Iterator[Finding]:
+def _rejecting(path: FreePath, found: Capability, line: str) -> Iterator[Finding]:
     """What shows that the path was in contact, or driven beyond; and thresholds without end."""
     # Without its inertia a terminal that moves shows a wrench, and no contact.
     quasi_static, by_zeros = path.given.rig.inertia is None, path.by_zeros
@@ -321,7 +328,7 @@ def _rejecting(path: FreePath, found: Capability) -> Iterator[Finding]:
             worst = int(np.argmax(np.where(contact, largest.size / limit, 0.0)))
             values: dict[str, Value] = {"limit": float(limit[worst]), "axis": COMPONENTS[worst]}
             values["time"] = float(largest.when[worst] - path.places.time[0])
-            values["unstated"] = quasi_static
+            values |= {"unstated": quasi_static, "line": line}
             if code == "path-in-contact" and by_zeros is not None:
                 values["zeros"] = by_zeros.change if zeros else 0.0
             axes, size = _axes(contact), float(largest.size[worst])
@@ -331,7 +338,7 @@ def _rejecting(path: FreePath, found: Capability) -> Iterator[Finding]:
         worse = more_false_stops(path.errors, found, by_zeros.steady)
         if worse.any():
             most = int(np.argmax(np.where(worse, by_zeros.steady / found.threshold, 0.0)))
-            size, values = float(by_zeros.steady[most]), {"axis": COMPONENTS[most]}
+            size, values = float(by_zeros.steady[most]), {"axis": COMPONENTS[most], "line": line}
             yield Finding("path-zeros-moved", _axes(worse), size, UNITS[most], values=values,
                           rejects=True)  # fmt: skip
     if path.errors.open.any():

@@ -9,7 +9,7 @@ from pathlib import PurePath
 import numpy as np
 from pydantic import BaseModel
 
-from tdfscal.catalogue.numbers import bracketed, count, places, rounded, to_place, with_std
+from tdfscal.catalogue.numbers import bracketed, count, measured, places, to_place, with_std
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ClockResult, MotionResult, ResidualWrench, has_delay
 from tdfscal.files.calibration.parameters import calibrated
@@ -38,6 +38,7 @@ from tdfscal.reporting.traceability import (
     measured_on,
     provenance,
     report_digest,
+    titled,
     warnings,
 )
 from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE
@@ -68,7 +69,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
     linear = ", linear method of the paper" if c.estimator == "linear" else ""
     notes = (finding.told for finding in c.findings if finding.severity == "notes")
     return Report(
-        title=c.rig.name,
+        title=titled(c),
         subtitle=f"{layout.METHODS[c.method]}{linear} of {len(c.supports)} sensors from {names}"
         + measured_on(c),
         verdict=c.status.upper(),
@@ -250,7 +251,7 @@ def _tiles(c: Calibration) -> Iterator[Row]:
     yield (
         f"each angle, {coverage(c)}",
         within(c),
-        f"limit ± {rounded(1e3 * c.limit_half_width)} mrad",
+        f"limit ± {measured(1e3 * c.limit_half_width)} mrad",
     )
     yield from layout.residual_tiles(_residual(c))
     if c.motion is not None:
@@ -263,7 +264,7 @@ def _tiles(c: Calibration) -> Iterator[Row]:
         )
     elif c.tracker is not None:
         yield "points", f"{c.tracker.points}", "of the survey"
-    judged, limit = c.fit or c.tracker, rounded(c.rig.acceptance.birge_max)
+    judged, limit = c.fit or c.tracker, measured(c.rig.acceptance.birge_max)
     if judged is not None and isinstance(judged.birge, float):
         yield "residuals against stated", f"{judged.birge:.2f}", f"limit {limit}"
 
@@ -281,7 +282,7 @@ def _statistics(c: Calibration) -> Iterator[tuple[str, str]]:
             yield "Recorder", f"{k.recorder}: {layout.told_clock(k, c.rig.log or ())}"
         if c.motion is not None:
             yield from _motion(c.motion, c.clocks)
-        sizes = f"force {rounded(f.rms_force)} N, moment {rounded(f.rms_moment)} N·m (rms)"
+        sizes = f"force {measured(f.rms_force)} N, moment {measured(f.rms_moment)} N·m (rms)"
         yield "Residuals", sizes
         # The residuals widen every uncertainty by one factor only in a campaign at rest.
         at_rest = c.estimator != "linear" and c.motion is None and not c.campaigns

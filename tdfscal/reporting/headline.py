@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import PurePath
 from typing import TypeVar
 
 import numpy as np
 
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import count, quantity, rounded, spans, two_digits
+from tdfscal.catalogue.numbers import count, measured, quantity, spans, two_digits
 from tdfscal.estimation.exact_quantities import UNMOVED
 from tdfscal.estimation.uncertainty import EARLIER
 from tdfscal.files.calibration.document import Calibration
@@ -22,8 +23,8 @@ from tdfscal.numerics.streams import covered
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Table
 from tdfscal.reporting.traceability import (
-    expired_sentence,
-    not_whole_sentence,
+    expired,
+    not_whole,
     without_effect,
 )
 
@@ -110,7 +111,7 @@ def _of_the_angles(c: Calibration) -> str:
     said += f"{within(c)} (95 %)"
     if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
         said += ", the gain's tolerance included"
-    beside = (expired_sentence(c), not_whole_sentence(c), _rests_on(c))
+    beside = (_expired(c), _not_whole(c), _rests_on(c))
     if lines := draft_lines(c):
         first = (
             f"Do not load these angles yet: they rest on {count(len(lines), 'unconfirmed line')} "
@@ -120,6 +121,23 @@ def _of_the_angles(c: Calibration) -> str:
     sealed = ", if nobody edited this file (it does not tell)" if c.unsealed else ""
     first = f"You may load these angles{sealed}: {said}."
     return " ".join(filter(None, (first, _not_counted(c), *_trusted(c), *beside, _limited_by(c))))
+
+
+def _expired(c: Calibration) -> str:
+    """Whose own certificate had ended, for the first lines; the warnings have the days."""
+    ended = expired(c)
+    names = ", ".join(name for found in ended for name in found.subject)
+    return f"The certificate of the sensor of {names} had expired." if names else ""
+
+
+def _not_whole(c: Calibration) -> str:
+    """What there is of a log of which a part is missing."""
+    parts = [
+        ("the first rows" if f.size is None else f"{f.size:.1f} s")
+        + f" of {', '.join(PurePath(name).name for name in f.subject)}"
+        for f in not_whole(c)
+    ]
+    return f"The log is not whole; what is there was used: {', '.join(parts)}." if parts else ""
 
 
 def draft_lines(c: Calibration) -> list[str]:
@@ -151,7 +169,7 @@ def _not_counted(c: Calibration) -> str:
     said, counted = list[str](), _bounds(np.sqrt(np.square(half_widths(c)) + together))
     for q in each:
         off = ":" if said else " off moves an angle by"
-        move = rounded(1e3 * np.max(q.effect))
+        move = measured(1e3 * np.max(q.effect))
         said.append(f"{_EXACT.get(q.name, q.name)} ({_typical_error(q)}{off} {move} mrad)")
     first = f"Taken as exact, not counted: {', '.join(said)}"
     if others := without_effect(c):
@@ -179,7 +197,7 @@ def _trusted(c: Calibration) -> Iterator[str]:
         if move > _NOTABLE * half_widths(c).max():
             yield (
                 f"The {name} counts as good to {quantity(std[0], unit)}: "
-                f"{quantity(error, unit)} off would move an angle by {rounded(1e3 * move)} mrad."
+                f"{quantity(error, unit)} off would move an angle by {measured(1e3 * move)} mrad."
             )
 
 

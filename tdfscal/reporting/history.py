@@ -10,7 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence, told
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import count, rounded
+from tdfscal.catalogue.numbers import count, measured, rounded
 from tdfscal.comparison.control_chart import WINDOWS, Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.findings import Finding, Value, rejecting
@@ -21,7 +21,7 @@ from tdfscal.reporting import layout
 from tdfscal.reporting.figures import date_of
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.several import mrad_with
-from tdfscal.reporting.traceability import FIXED, Making
+from tdfscal.reporting.traceability import FIXED, Making, campaign, certificates
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, LONGEST_INTERVAL
 
 #: Codes of campaigns that take no part; and of what makes one worth its own headline.
@@ -133,10 +133,14 @@ class History:
                 Section("State", (facts,)),
                 *layout.illustrated(drawings, {}),
                 Section("Angles now", (_angles(life),)),
+                campaign((("Serial number", self.rig.serial),), self.rig),
                 self.making.section(*checks, *_chart_rule(life), page_only=False),
             ),
             warnings=tuple(told(found) for found in self.findings if not found.rejects),
-            advice=tuple(begun(text, ".") for text in dict.fromkeys(cures)),
+            advice=(
+                *certificates(self.findings),
+                *(begun(text, ".") for text in dict.fromkeys(cures)),
+            ),
             created=layout.utc(self.making.created),
         )
 
@@ -150,6 +154,7 @@ class History:
             "rig=rig.name verdict supports=life.supports false_alarms_per_year=life.rate "
             "birge=life.birge",
             **self.making.document(),
+            verified=not rejecting(self.findings),
             checks=[_check(life, k) | source for k, (_, source) in enumerate(self.checks)],
             alarms=[_alarm(life, alarm) for alarm in self.alarms],
             walk={
@@ -173,7 +178,7 @@ def _smallest(life: Life) -> str:
     """The turn of each sensor, mrad, from which on the last check shows it."""
     seen = zip(life.supports, life.detectable.max(axis=1), strict=True)
     return ", ".join(
-        f"{name} {rounded(1e3 * x)} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen
+        f"{name} {measured(1e3 * x)} mrad" if np.isfinite(x) else f"{name} none" for name, x in seen
     )
 
 
@@ -207,7 +212,7 @@ def _facts(life: Life, alarms: tuple[Alarm, ...], lost: int, due: str) -> Iterat
     walk = f"{stated}; checks or days are too few to estimate it"
     if life.walk is not None:
         most, low, high = (
-            rounded(1e3 * x) for x in (life.walk.value, life.walk.low, life.walk.high)
+            measured(1e3 * x) for x in (life.walk.value, life.walk.low, life.walk.high)
         )
         walk = f"{most} mrad/√month by the checks (95 %: {low} to {high}); {stated}"
     yield "random walk", walk
@@ -226,7 +231,7 @@ def _due(life: Life, alarms: Sequence[Alarm], *, slipped: bool) -> str:
     if slipped or _turned(alarms):
         return "now: the mounting has changed"
     due, name = life.due, life.supports[life.due.sensor]
-    now = f"{name} is at {rounded(1e3 * due.now)} of {rounded(1e3 * due.limit)} mrad"
+    now = f"{name} is at {measured(1e3 * due.now)} of {measured(1e3 * due.limit)} mrad"
     if due.now >= due.limit:
         return f"now: {now}"
     months = life.month[-1] - life.month[0]

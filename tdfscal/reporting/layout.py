@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.numbers import p_text, rounded, two_digits, typeset, with_std
+from tdfscal.catalogue.numbers import measured, p_text, rounded, two_digits, typeset, with_std
 from tdfscal.errors import visible, without_exponent
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -195,7 +195,9 @@ def residual_table(
     for name, w in found.items():
         sizes = [w.rms_before, w.rms_after, w.max_before, w.max_after]
         sizes += [expected[name]] if expected else []
-        told = (f"{rounded(x, 3)} {WRENCH[name]}" if math.isfinite(x) else "unknown" for x in sizes)
+        told = (
+            f"{measured(x, 3)} {WRENCH[name]}" if math.isfinite(x) else "unknown" for x in sizes
+        )
         rows.append((name, *told))
     header = ("", "rms before", "rms after", "largest before", "largest after", "rms expected")
     cut = header if expected else header[:-1]
@@ -206,7 +208,7 @@ def residual_tiles(found: Mapping[str, ResidualWrench]) -> tuple[Row, ...]:
     """The same at a glance."""
     return tuple(
         (f"residual contact {name}", f"{two_digits(w.rms_after)} {WRENCH[name]}",
-         f"before {rounded(w.rms_before, 3)} {WRENCH[name]}")
+         f"before {measured(w.rms_before, 3)} {WRENCH[name]}")
         for name, w in found.items()
     )  # fmt: skip
 

@@ -19,7 +19,15 @@ from tdfscal.numerics import so3
 from tdfscal.reporting import layout
 from tdfscal.reporting.headline import coverage, half_widths, within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Section, Table, by_angle, mrad
-from tdfscal.reporting.traceability import Making, content_facts, making_of, measured_on
+from tdfscal.reporting.traceability import (
+    Making,
+    campaign,
+    campaign_facts,
+    certificates,
+    content_facts,
+    making_of,
+    measured_on,
+)
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
 _K = f"k = {COVERAGE_FACTOR:g}"
@@ -117,9 +125,11 @@ def several_report(view: Several, making: Making, drawings: tuple[Drawing, ...] 
             making.section(rule, title="Where this verdict comes from", page_only=False),
             *(making_of(c).section(*content_facts(c), title=f"Where {name} comes from")
               for name, c in view.named),
+            *(campaign(campaign_facts(c), c.rig.record(), f"Campaign and sensors of {name}")
+              for name, c in view.named),
         ),
         warnings=_warnings(view),
-        advice=keep or _advice(view.comparisons),
+        advice=(*certificates(view.defects), *(keep or _advice(view.comparisons))),
         created=layout.utc(making.created),
     )  # fmt: skip
 

@@ -9,17 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.numbers import (
-    places,
-    quantity,
-    rounded,
-    to_place,
-    with_std,
-)
+from tdfscal.catalogue.numbers import measured, places, quantity, rounded, to_place, with_std
 from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Block, Facts, Report, Section, Table
+from tdfscal.reporting.traceability import certificates
 from tdfscal.significance import COVERAGE_FACTOR
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
@@ -35,16 +30,20 @@ UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
 #: Share of the noise left, from which on a filter is said to do nothing; share of the variance from
 #: which on noise is explained.
 _IDLE, _MOSTLY = 0.95, 0.5
-_EXPANDED = f"expanded uncertainty (k = {COVERAGE_FACTOR:g})"
 #: What lowers the smallest contact, by what most of it comes from.
 _LOWERS = {
     "zeros": "Tare each sensor before the run, or set the wrench to zero there.",
     "load": "Weigh the terminal, and find its barycentre.",
     "gain": "Have the sensors' gains calibrated.",
     "calibration": "Calibrate with more postures and a harder squeeze.",
+    "moves": "State `terminal.inertia`: without it what the motion adds counts as noise.",
+    "slow": "Let the sensors warm up: noise as slow as this passes any filter.",
     "noise": "Filter (--filter HZ).",
     "filtered": "Filter lower (--filter HZ).",
+    "low": "Quieten the sensors (cables, amplifiers): a still lower filter would be late.",
 }
+#: Hz; a filter as low as this delays a machine's stop by a tenth of a second.
+_LOW = 3.0
 
 
 def _by_component(columns: Mapping[str, Sequence[str]]) -> Table:
@@ -57,8 +56,10 @@ def _place(point: Sequence[float]) -> str:
     return f"({', '.join(f'{x:g}' for x in point)}) m" if any(point) else "its origin"
 
 
-def _number(value: float | None, form: str = ".3g", unknown: str = "unknown") -> str:
-    return unknown if value is None or not np.isfinite(value) else format(value, form)
+def _number(value: float | None, form: str = "", unknown: str = "unknown") -> str:
+    if value is None or not np.isfinite(value):
+        return unknown
+    return format(value, form) if form else measured(value, 3)
 
 
 def wrench_report(summary: dict[str, Any], findings: Sequence[Finding] = ()) -> Report:
@@ -67,11 +68,8 @@ def wrench_report(summary: dict[str, Any], findings: Sequence[Finding] = ()) -> 
     columns = {"rms": summary["rms"], "at stops": stops and stops["rms"],
                "uncalibrated": summary["rms_uncalibrated"], "std. unc.": summary["std"],
                "of it calibration": summary["std_calibration"]}  # fmt: skip
-    shown = {
-        name: [_number(of[component]) for component in COMPONENTS]
-        for name, of in columns.items()
-        if of is not None
-    }
+    given = {name: of for name, of in columns.items() if of is not None}
+    shown = {name: [_number(of[each]) for each in COMPONENTS] for name, of in given.items()}
     way = "without inertia" if summary["quasi_static"] else "with inertia"
     about = _place(summary["about"])
     return Report(
@@ -80,12 +78,13 @@ def wrench_report(summary: dict[str, Any], findings: Sequence[Finding] = ()) -> 
         claim=_filter(summary["filter"]),
         sections=(Section("", (_by_component(shown), " ".join(_said(summary)))),),
         warnings=tuple(map(told, findings)),
+        advice=certificates(findings),
     )
 
 
 def _said(summary: dict[str, Any]) -> Iterator[str]:
     """How large the wrench is, what part is motion, how its noise is known, the zeros' age."""
-    force, torque = (rounded(summary["largest"][name], 3) for name in ("force", "torque"))
+    force, torque = (measured(summary["largest"][name], 3) for name in ("force", "torque"))
     yield f"The largest force is {force} N, the largest torque {torque} N·m."
     if summary["stops"] is not None:
         share = summary["stops"]["rows"] / summary["rows"]
@@ -102,11 +101,11 @@ def _said(summary: dict[str, Any]) -> Iterator[str]:
     yield f"The noise of a sample {known}."
     moved, age = summary["zeros"]["moved"], summary["zeros"]["age"]
     if moved != 0.0:
-        size = "by an unknown amount" if moved is None else f"by {rounded(moved)} N (std)"
+        size = "by an unknown amount" if moved is None else f"by {measured(moved)} N (std)"
         since = "are of unknown age (taken as if the log followed the calibration's at once)"
         if summary["zeros"]["age_known"]:
             order = "older" if age >= 0 else "younger"
-            since = f"are {rounded(abs(age) / 86400)} days {order} than the log"
+            since = f"are {measured(abs(age) / 86400)} days {order} than the log"
         yield f"The calibration's zeros {since} and may have moved {size} by its end."
 
 
@@ -116,9 +115,9 @@ def _filter(f: dict[str, Any] | None) -> str:
     left = f["noise_left"]
     if left is None:
         return f"filter {f['kind']}: the sensors show no noise, and nothing is taken off"
-    late = f"{rounded(1e3 * f['delay'], 3)} ms late" if f["delay"] else "without delay"
+    late = f"{measured(1e3 * f['delay'], 3)} ms late" if f["delay"] else "without delay"
     stays = f": noise as slow as a force that walks by {f['walk']:g} N in 1 s stays"
-    said = f"leaves {100 * left:.0f} % of the sensors' noise of {rounded(f['noise'], 3)} N"
+    said = f"leaves {100 * left:.0f} % of the sensors' noise of {measured(f['noise'], 3)} N"
     return f"filter {f['kind']}: {late}; {said}{stays if left >= _IDLE else ''}"
 
 
@@ -136,9 +135,8 @@ def capability_report(
     for name, share in found.shares.items():
         columns[name] = [_number(v, ".0%", "–") for v in share]
     blocks: tuple[Block, ...] = (_by_component(columns), *_noise(found, request))
-    most = [max(found.shares, key=lambda source: found.shares[source][c]) for c in found.worst]
-    if request.cutoff is not None:
-        most = ["filtered" if source == "noise" else source for source in most]
+    unstated = any(f.code == "path-inertia-unknown" for f in findings)
+    most = (_most(found, request, c, unstated) for c in found.worst)
     # No filter or weighing cures a path that was not free, or that shows no noise.
     spoilt = noiseless or any(f.code != "contact-unseen" for f in bad)
     apart = " (noise not counted)" if noiseless else ""
@@ -154,8 +152,21 @@ def capability_report(
         reasons=tuple(map(told, (*bad, *noiseless))),
         warnings=tuple(told(f) for f in findings if not f.rejects),
         sections=(Section("", blocks),),
-        advice=() if spoilt else tuple(dict.fromkeys(_LOWERS[source] for source in most)),
+        advice=(
+            *certificates(findings),
+            *dict.fromkeys(_LOWERS[source] for source in most if not spoilt),
+        ),
     )
+
+
+def _most(found: Capability, request: Request, c: int, unstated: bool) -> str:
+    """What most of a component's smallest contact comes from; unstated : the inertia."""
+    source = max(found.shares, key=lambda source: found.shares[source][c])
+    if source == "noise" and found.noise[c].slow > found.noise[c].fast:
+        return "moves" if unstated and not found.resting else "slow"
+    if source == "noise" and request.cutoff is not None:
+        return "filtered" if request.cutoff > _LOW else "low"
+    return source
 
 
 def _noise(found: Capability, request: Request) -> Iterator[str]:
@@ -164,7 +175,7 @@ def _noise(found: Capability, request: Request) -> Iterator[str]:
     if worst and not any(found.noise[c].std for c in worst):
         yield "The noise is what the rig file declares of a posture (uncertainty.force_noise)."
     elif worst:
-        sizes = (f"{rounded(found.noise[c].std, 3)} {UNITS[c]} in {COMPONENTS[c]}" for c in worst)
+        sizes = (f"{measured(found.noise[c].std, 3)} {UNITS[c]} in {COMPONENTS[c]}" for c in worst)
         of = "of single samples" if request.cutoff is None else "behind the filter"
         where = "at the stops of the path" if found.resting else "along the path, motion included"
         less = "" if found.resting else ". Less at rest, or where the inertia is stated"
@@ -181,11 +192,9 @@ def plan_report(plan: Plan | MovingPlan, findings: Sequence[Finding]) -> Report:
     )
     caption = "Standard uncertainty to expect of the installation angles, mrad"
     table = Table(caption, ("sensor", *ANGLES), rows)
-    described = _motion(plan) if isinstance(plan, MovingPlan) else _postures(plan)
-    title, drive, contact, used = described
-    mean = f"On average {rounded(1e3 * plan.expected.mean, 3)} mrad."
-    blocks = (table, *contact, f"{mean} {used}")
-    expected = Section("What to expect", blocks)
+    title, drive, contact, used = _motion(plan) if isinstance(plan, MovingPlan) else _postures(plan)
+    mean = f"On average {measured(1e3 * plan.expected.mean, 3)} mrad."
+    expected = Section("What to expect", (table, *contact, f"{mean} {used}"))
     return Report(title, drive, sections=(expected,), warnings=tuple(map(told, findings)))
 
 
@@ -211,7 +220,7 @@ def _squeezed(plan: Plan | MovingPlan) -> str:
         return f"{said} by servoed forces"
     said += f" by displacements against {quantity(limits.stiffness, 'N/m')}"
     unasked = limits.repeatability_force(plan.rig)
-    told = f"; the positioners' own scatter adds {rounded(unasked, 3)} N at random, which "
+    told = f"; the positioners' own scatter adds {measured(unasked, 3)} N at random, which "
     told += "informs as well"
     return said + (told if unasked else "")
 
@@ -225,14 +234,15 @@ def _contact(plan: Plan) -> Iterator[Block]:
     if sizes is None or all(limit is None for *_, limit in limits):
         return
     parts = [
-        f"{name} {rounded(size, 3)} {unit} of {limit:g}"
+        f"{name} {measured(size, 3)} {unit} of {limit:g}"
         for (name, unit, _, limit), size in zip(limits, sizes, strict=True)
         if limit is not None
     ]
     end = "enough"
     if contact_excess(plan.rig, plan.expected) > 1.0:
         end = "not enough: squeeze harder, or tare and weigh better"
-    yield f"Contact wrench, {_EXPANDED} against its limit: {', '.join(parts)}: {end}."
+    known = f"expanded uncertainty (k = {COVERAGE_FACTOR:g})"
+    yield f"Contact wrench, {known} against its limit: {', '.join(parts)}: {end}."
 
 
 def _motion(plan: MovingPlan) -> tuple[str, str, Sequence[Block], str]:

@@ -6,12 +6,12 @@ import math
 import time
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
-from pathlib import PurePath
 from typing import Any
 
 from tdfscal import __version__
-from tdfscal.catalogue import sentence
-from tdfscal.catalogue.numbers import probability, rounded
+from tdfscal.catalogue import sentence, told
+from tdfscal.catalogue.entry import begun
+from tdfscal.catalogue.numbers import count, measured, probability, rounded
 from tdfscal.estimation.exact_quantities import UNMOVED
 from tdfscal.files.calibration.document import Calibration, file_content, overdue, unsealed
 from tdfscal.files.calibration.evidence import ConformityResult
@@ -21,7 +21,7 @@ from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record
 from tdfscal.records import InputFile, Rig, SensorInfo
-from tdfscal.reporting.layout import METHODS, Facts, Section, Table, document, utc
+from tdfscal.reporting.layout import METHODS, Facts, Section, document, utc
 from tdfscal.significance import (
     CERTAIN_SHIFT,
     CERTAINLY_UNDECLARED,
@@ -95,6 +95,13 @@ def content_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
         ),
         ("Taken as exact", exact_names(c)),
     )
+
+
+def titled(c: Calibration) -> str:
+    """The rig's name; of a pool whose draft bears a campaign's name, that there are others."""
+    more = len(c.campaigns) - 1
+    drafted = more > 0 and c.rig.name in [one.name for one in c.campaigns]
+    return f"{c.rig.name} and {count(more, 'more campaign')}" if drafted else c.rig.name
 
 
 def provenance(c: Calibration) -> Section:
@@ -181,14 +188,15 @@ def decision_rule(c: Calibration) -> str:
         said += (
             " All campaigns count as of one state: that a sensor turned before the last of them "
             f"is excluded, with {DETECTION_POWER:.0%} probability, from "
-            f"{rounded(1e3 * moved.error)} mrad on only{FIXED}."
+            f"{measured(1e3 * moved.error)} mrad on only{FIXED}."
         )
     if c.status == "provisional":
         said += " Provisional: accepted, with lines of the drafted rig file still to be confirmed."
     if limits.contact is not None:
         said += (
-            " Contact wrench: accepted with a guard band as wide as the expanded uncertainty, "
-            f"coverage {100 * EXPANDED_COVERAGE:.2f} % (JCGM 106)."
+            " Contact wrench: accepted with a guard band as wide as the expanded uncertainty U, "
+            f"coverage {100 * EXPANDED_COVERAGE:.2f} %: known error + U is at most the limit (JCGM "
+            "106); what is known is corrected, so that the known error is 0."
         )
     return said
 
@@ -205,30 +213,35 @@ def _whose(c: Calibration, key: str) -> str:
 def _contact(c: Calibration, found: ConformityResult) -> str:
     """Expanded uncertainty of force and torque against their limits; what they leave out."""
     said = [
-        f"{name} conforms: U = {rounded(part.expanded, 3)} {unit}, limit {part.limit:g} {unit}, "
+        f"{name} conforms: U = {measured(part.expanded, 3)} {unit}, limit {part.limit:g} {unit}, "
         f"exceeded with probability {probability(part.exceeding)}"
         for name, unit, part in (("force", "N", found.force), ("torque", "N·m", found.torque))
         if part.limit is not None
     ]
     rpy = ", ".join(f"{angle:g}" for angle in found.rpy)
     given = f", given that what is taken as exact ({exact_names(c)}) is exact"
-    return f"{'; '.join(said)}; at roll, pitch, yaw ({rpy}) rad{given}"
+    return f"{'; '.join(said)}; known error 0; at roll, pitch, yaw ({rpy}) rad{given}"
 
 
-def campaign(facts: Iterable[tuple[str, str | None]], rig: Rig) -> Section:
-    """What is told of a campaign, and what is not; serials and certificates of its sensors."""
-    said = [(name, text or _NOT_STATED) for name, text in facts]
-    sensors = rig.sensors or (SensorInfo(),) * rig.n
-    if all(each == SensorInfo() for each in sensors):
-        said.append(("Sensors", f"serial numbers and certificates {_NOT_STATED}"))
-        return Section("Campaign and sensors", (Facts(tuple(said)),))
-    papers = tuple(
-        (name, *(text or _NOT_STATED for text in (each.serial, each.certificate, each.due)))
-        for name, each in zip(rig.supports, sensors, strict=True)
+def campaign(
+    facts: Iterable[tuple[str, str | None]], rig: Rig, title: str = "Campaign and sensors"
+) -> Section:
+    """What is told of a campaign and its sensors, and what is not."""
+    said = tuple((name, text or _NOT_STATED) for name, text in facts)
+    return Section(title, (Facts((*said, *_papers(rig))),))
+
+
+def _papers(rig: Rig) -> tuple[tuple[str, str], ...]:
+    """Serial number and certificate of each sensor."""
+    if all(one == SensorInfo() for one in rig.sensors):
+        return (("Sensors", f"serial numbers and certificates {_NOT_STATED}"),)
+    papers = ("serial number", "certificate", "due")
+    known = ((one.serial, one.certificate, one.due) for one in rig.sensors)
+    said = (
+        ", ".join(f"{what} {text or _NOT_STATED}" for what, text in zip(papers, of, strict=True))
+        for of in known
     )
-    header = ("sensor", "serial number", "certificate", "due")
-    table = Table("Sensors", header, papers, left=4)
-    return Section("Campaign and sensors", (Facts(tuple(said)), table))
+    return tuple((f"Sensor of {name}", of) for name, of in zip(rig.supports, said, strict=True))
 
 
 def stated_facts(rig: Rig, measured: MeasuredResult) -> list[tuple[str, str | None]]:
@@ -247,10 +260,7 @@ def campaign_facts(c: Calibration) -> tuple[tuple[str, str | None], ...]:
     rig = c.rig.record()
     facts = stated_facts(rig, c.measured)
     facts += [("Next due", due)] if (due := _next_due(c)) else []
-    if any(method != "self" for method in (c.method, *(one.method for one in c.history))):
-        facts.append(("Tracker", rig.campaign.tracker))
-    if c.method != "tracker" and math.isfinite(rig.mass.std):
-        facts.append(("Weighed with", rig.campaign.scale))
+    facts += instruments(c)
     if c.dwells is not None and c.dwells.temperature is not None:
         warm = c.dwells.temperature
         facts.append(("Conditions", f"{min(warm):.1f} to {max(warm):.1f} °C at the dwells"))
@@ -261,6 +271,14 @@ def campaign_facts(c: Calibration) -> tuple[tuple[str, str | None], ...]:
     return tuple(facts)
 
 
+def instruments(c: Calibration) -> list[tuple[str, str | None]]:
+    """The tracker and the scale that a calibration rests on, as the rig file tells of them."""
+    rig, methods = c.rig.record(), (c.method, *(one.method for one in c.history))
+    found = [("Tracker", rig.campaign.tracker)] * any(method != "self" for method in methods)
+    weighed = c.method != "tracker" and math.isfinite(rig.mass.std)
+    return found + [("Weighed with", rig.campaign.scale)] * weighed
+
+
 def measured_on(c: Calibration) -> str:
     """Of which day the data are, and what says so."""
     several = len(c.campaigns) > 1 and not c.history
@@ -269,7 +287,7 @@ def measured_on(c: Calibration) -> str:
 
 def day_measured(measured: MeasuredResult, begin: str = "") -> str:
     """Of which day data are, and what says so; begin : of the first of several campaigns."""
-    first = f"{begin[:10]} to " if begin else ""
+    first = f"{begin[:10]} to " if begin[:10] not in ("", measured.end[:10]) else ""
     return f"{first}{measured.end[:10]}, {_SOURCES[measured.source]}"
 
 
@@ -314,23 +332,12 @@ def expired(c: Calibration) -> tuple[Finding, ...]:
     return overdue(c.rig.record(), c.measured.end[:10], "this calibration")
 
 
-def expired_sentence(c: Calibration) -> str:
-    """Whose own certificate had ended, for the first lines; the warnings have the days."""
-    ended = expired(c)
-    names = ", ".join(name for found in ended for name in found.subject)
-    return f"The certificate of the sensor of {names} had expired." if names else ""
+def certificates(findings: Iterable[Finding]) -> tuple[str, ...]:
+    """What next of sensors whose certificate has ended: before all else."""
+    ended = (told(found) for found in findings if found.code == "sensor-overdue")
+    return tuple(dict.fromkeys(begun(text, ".") for text in ended))
 
 
 def not_whole(c: Calibration) -> tuple[FindingResult, ...]:
     """What tells that a part of the log is missing: its files, or else recorders that ran apart."""
     return c.found("log-truncated") or c.found("recorders-overlap-in-part")
-
-
-def not_whole_sentence(c: Calibration) -> str:
-    """What there is of a log of which a part is missing."""
-    parts = [
-        ("the first rows" if f.size is None else f"{f.size:.1f} s")
-        + f" of {', '.join(PurePath(name).name for name in f.subject)}"
-        for f in not_whole(c)
-    ]
-    return f"The log is not whole; what is there was used: {', '.join(parts)}." if parts else ""

@@ -7,8 +7,10 @@ from pathlib import PurePath
 
 from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import rounded, when
+from tdfscal.catalogue.numbers import rounded
+from tdfscal.catalogue.numbers import when as at
 from tdfscal.errors import NotConvergedError, TdfscalError
+from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.frozen import record, replace
 from tdfscal.motioncal.pipeline import UndeterminedMotion
@@ -16,7 +18,7 @@ from tdfscal.records import InputFile
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures import Drawing
 from tdfscal.reporting.layout import Facts, Items, Report, Section
-from tdfscal.reporting.traceability import Making
+from tdfscal.reporting.traceability import Making, campaign, day_measured, stated_facts
 from tdfscal.selfcal.result import Undetermined
 
 Seen = Undetermined | UndeterminedMotion
@@ -27,7 +29,7 @@ class Attempt:
     """A calibration that ended without angles.
 
     rig : the last campaign's. inputs : files that were read. messages : of the log. paths : as
-    they were given.
+    they were given. measured : when; None of several campaigns.
     """
 
     error: TdfscalError
@@ -36,6 +38,7 @@ class Attempt:
     messages: tuple[str, ...]
     paths: tuple[str, ...]
     command: str
+    measured: MeasuredResult | None = None
 
     @property
     def seen(self) -> Seen | None:
@@ -59,7 +62,7 @@ def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
 
 def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) -> Report:
     """Lay out what is weak, the log and its residuals, and what to do next; no angle is given."""
-    error, seen, rig = attempt.error, attempt.seen, attempt.rig
+    error, seen, rig, when = attempt.error, attempt.seen, attempt.rig, attempt.measured
     names = ", ".join(PurePath(entry.path).name for entry in attempt.inputs)
     limit = 1e3 * rig.rig.acceptance.identifiable
     making = Making(attempt.command, attempt.inputs)
@@ -72,7 +75,7 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
     return Report(
         title=rig.rig.name,
         subtitle=f"calibration of {len(rig.rig.supports)} sensors from "
-        f"{names or ', '.join(attempt.paths)}",
+        f"{names or ', '.join(attempt.paths)}{f' of {day_measured(when)}' if when else ''}",
         verdict="NOT CONVERGED" if isinstance(error, NotConvergedError) else "NOT IDENTIFIABLE",
         accepted=False,
         claim="No angle is given, and no calibration file was written.",
@@ -80,6 +83,7 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
         sections=(
             *layout.illustrated(drawings, {"determined": _turns(seen)} if seen else {}),
             *_evidence(seen),
+            *([campaign(stated_facts(rig.rig, when), rig.rig)] if when else []),
             origin,
         ),
         warnings=attempt.messages,
@@ -116,7 +120,7 @@ def _evidence(seen: Seen | None) -> Iterator[Section]:
     else:
         total = len(seen.dwells)
         used = ("Postures", f"{total - len(seen.rejected)} of {total} in the fit")
-        rests = (f"from {when(s.start)}: {sentence(s.reason)}" for s in seen.dwells.left_out)
+        rests = (f"from {at(s.start)}: {sentence(s.reason)}" for s in seen.dwells.left_out)
         left_out = (*layout.rejected(seen.rejected), *rests)
     fit = "no residual is left to judge it by"
     if q.dof > 0:

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from tdfscal.catalogue import cure, sentence, told
+from tdfscal.catalogue import sentence, told
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import count, p_text, rounded
+from tdfscal.catalogue.numbers import count, measured, p_text, rounded
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ResidualWrench
 from tdfscal.files.calibration.parts import MeasuredResult
@@ -25,8 +25,10 @@ from tdfscal.reporting.traceability import (
     Making,
     calibration_fact,
     campaign,
+    certificates,
     day_measured,
     exact_names,
+    instruments,
     measured_on,
     report_digest,
     stated_facts,
@@ -52,9 +54,11 @@ _RULE = (
 
 #: Verdict, and what next, by the outcome; of what proves nothing by the first reason that holds.
 _AGAIN = "Validate it again in a month, and after every work on a sensor, a hinge or the terminal."
+_KEEP = "Keep this calibration in use."
+_RENEWED = "The angles stand; use them once the certificate does."
 _NEW_ZEROS = "Keep its angles; if the sensors were tared, bring their zeros in by `tdfscal update`."
 _SAID = {
-    "holds": ("still valid", "Keep this calibration in use.", _AGAIN),
+    "holds": ("still valid", _KEEP, _AGAIN),
     "tared": ("still valid", _NEW_ZEROS, _AGAIN),
     "touched": (
         "record again",
@@ -202,17 +206,15 @@ def _extent(v: Tested) -> str:
 def _sure(v: Tested) -> str:
     """What would have been detected."""
     lean, twist = 1e3 * v.detectable[:, :2].max(), 1e3 * v.detectable[:, 2].max()
+    upright = f"about the vertical, by more than {measured(twist)} mrad."
     said = (
-        f"Had one sensor turned by more than {rounded(lean)} mrad in roll or pitch, this check "
+        f"Had one sensor turned by more than {measured(lean)} mrad in roll or pitch, this check "
         f"would have shown it with {DETECTION_POWER:.0%} probability, even behind a new tare; "
-    )
-    unseen = "it would not show a turn about the vertical."
-    said += (
-        unseen if twist > _UNSEEN else f"about the vertical, by more than {rounded(twist)} mrad."
+        f"{upright if twist <= _UNSEEN else 'it would not show a turn about the vertical.'}"
     )
     if v.blind:
         said += (
-            f" The angles have to hold to ± {rounded(1e3 * v.limit)} mrad, which is less: a "
+            f" The angles have to hold to ± {measured(1e3 * v.limit)} mrad, which is less: a "
             "harmful turn could go unseen."
         )
     return said
@@ -254,15 +256,11 @@ def _residual(v: Tested) -> dict[str, ResidualWrench]:
         before, after = v.residual.before, v.residual.after
     else:
         before, after = lengths(v.nominal), lengths(v.calibrated)
-    return {
-        name: ResidualWrench(
-            rms_before=np.sqrt(np.mean(before[:, c] ** 2)),
-            rms_after=np.sqrt(np.mean(after[:, c] ** 2)),
-            max_before=before[:, c].max(),
-            max_after=after[:, c].max(),
-        )
-        for c, name in enumerate(("force", "moment"))
-    }
+    rms = (np.sqrt(np.mean(size**2, axis=0)) for size in (before, after))
+    each = zip(*rms, before.max(axis=0), after.max(axis=0), strict=True)
+    keys = ("rms_before", "rms_after", "max_before", "max_after")
+    found = (ResidualWrench(**dict(zip(keys, sizes, strict=True))) for sizes in each)
+    return dict(zip(("force", "moment"), found, strict=True))
 
 
 def _expected(v: Validation) -> dict[str, float]:
@@ -291,7 +289,8 @@ def validation_report(
         figure = "validation"
         left_out = layout.rejected(v.left_out)
     verdict, advice = _verdict(v)
-    ended = (begun(cure(found), ".") for found in findings if found.code == "sensor-overdue")
+    if ended := certificates(findings):
+        advice = [_RENEWED if step == _KEEP else step for step in advice]
     return Report(
         title=v.rig.name,
         subtitle="" if origin is None else _about(v, origin),
@@ -302,7 +301,7 @@ def validation_report(
         tiles=(
             tested,
             *layout.residual_tiles(found),
-            ("residuals against stated", f"{rounded((v.chi2 / v.dof) ** 0.5, 3)}",
+            ("residuals against stated", f"{measured((v.chi2 / v.dof) ** 0.5, 3)}",
              f"{p_text(v.judged.p_value)}, limit {rounded(VALIDATION_CHI2, 3)}"),
             ("single change", p_text(v.judged.search_p), f"limit {rounded(VALIDATION_SEARCH, 3)}"),
         ),
@@ -313,7 +312,7 @@ def validation_report(
             *(_papers(v, origin) if origin is not None else ()),
         ),
         warnings=tuple(told(found) for found in findings if not _own(v, found)),
-        advice=(*dict.fromkeys(ended), *advice),
+        advice=(*ended, *advice),
         created="" if origin is None else layout.utc(origin.making.created),
     )  # fmt: skip
 
@@ -339,7 +338,8 @@ def _papers(v: Tested, origin: Origin) -> tuple[Section, Section]:
     c, rig = origin.calibration, origin.rig.rig
     fisher = " by Fisher's F" * bool(np.isfinite(v.judged.noise_dof))
     test = layout.chi_squared(v.chi2, v.dof, v.judged.p_value)
-    return campaign(stated_facts(rig, origin.measured), rig), origin.making.section(
+    facts = (*stated_facts(rig, origin.measured), *instruments(c))
+    return campaign(facts, rig), origin.making.section(
         calibration_fact(origin.name, c),
         ("Rig file", f"{rig.name}, SHA-256 {origin.rig.sha256}"),
         ("χ² test", f"{test}{fisher}, limit {rounded(VALIDATION_CHI2, 3)}"),

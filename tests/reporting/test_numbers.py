@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tdfscal.catalogue.numbers import p_text, typeset, with_std
+from tdfscal.catalogue.numbers import measured, p_text, typeset, with_std
 from tdfscal.reporting.calibration import calibration_report
 from tdfscal.reporting.html import render as as_page
 from tdfscal.reporting.layout import Report
@@ -75,3 +75,17 @@ def test_what_is_no_number_keeps_its_hyphen() -> None:
         assert typeset(said) == said
     assert typeset("from -3 to (-0.5, 2)") == "from −3 to (−0.5, 2)"
     assert typeset(typeset("-3%"), "-") == "-3\u00a0%"
+
+
+@pytest.mark.parametrize(
+    ("size", "said"),
+    [
+        (0.3, "0.300"),
+        (12.0, "12.0"),
+        (1234.5, "1230"),
+        (2e-7, "0.000000200"),
+        (1e300, "1.00·10^300"),
+    ],
+)
+def test_what_was_measured_keeps_its_zeros_and_has_no_exponent(size: float, said: str) -> None:
+    assert measured(size, 3) == said

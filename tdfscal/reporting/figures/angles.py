@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import rounded
+from tdfscal.catalogue.numbers import measured, rounded
 from tdfscal.comparison.compatibility import Comparison
 from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
@@ -71,8 +71,8 @@ def draw(c: Calibration) -> Drawing:
         "angles",
         "Installation angles",
         f"{ANGLES[j].capitalize()} of {c.mounted[i].name} is known to "
-        f"{rounded(1e3 * std[i, j])} mrad, the least well; {ANGLES[b]} of {c.mounted[a].name} to "
-        f"{rounded(1e3 * std[a, b])} mrad, the best (standard uncertainties).",
+        f"{measured(1e3 * std[i, j])} mrad, the least well; {ANGLES[b]} of {c.mounted[a].name} to "
+        f"{measured(1e3 * std[a, b])} mrad, the best (standard uncertainties).",
         lambda: _paint(c),
     )
 
@@ -101,7 +101,7 @@ def _paint(c: Calibration) -> Figure:
 
 def _gate(ax: Axes, limit: float, widest: float) -> None:
     """Where the quality gate rejects, mrad: drawn where intervals come near, else said."""
-    said = f"the gate rejects beyond ±{rounded(limit)} mrad"
+    said = f"the gate rejects beyond ±{measured(limit)} mrad"
     if limit < _NEAR * widest:
         said += " (dashed)"
         for end in (-limit, limit):
@@ -213,4 +213,4 @@ def _paint_determined(seen: Observability, limit: float) -> Figure:
 
 def words(std: float) -> str:
     """A standard uncertainty in rad, as it is worth saying."""
-    return f"{rounded(1e3 * std)} mrad" if std < _OPEN else "over 1 rad"
+    return f"{measured(1e3 * std)} mrad" if std < _OPEN else "over 1 rad"

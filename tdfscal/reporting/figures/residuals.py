@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from tdfscal.catalogue.numbers import rounded
+from tdfscal.catalogue.numbers import measured
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import LeftOutStretch, PostureTable
 from tdfscal.motioncal.blocks import Stretch
@@ -37,8 +37,8 @@ def at_postures(table: PostureTable | None) -> Drawing | None:
     return Drawing(
         "residuals",
         "Residual contact wrench at each posture",
-        f"Uncalibrated, a controller would take {rounded(f, 3)} N and {rounded(m, 3)} N·m for "
-        f"contact where there is none; calibrated, {rounded(left_f)} N and {rounded(left_m)} N·m "
+        f"Uncalibrated, a controller would take {measured(f, 3)} N and {measured(m, 3)} N·m for "
+        f"contact where there is none; calibrated, {measured(left_f)} N and {measured(left_m)} N·m "
         "(rms, each posture predicted from the others).",
         lambda: _at_postures(np.array(table.index) + 1, before, after, said),
     )
@@ -65,7 +65,7 @@ def validated(v: Validation | MovingValidation) -> Drawing:
         "validation",
         "Residual contact wrench at each posture",
         "Nothing should touch the terminal at these postures, so that no force should be left; "
-        f"the largest is {rounded(after[worst, 0])} N, at posture {v.used[worst] + 1}.",
+        f"the largest is {measured(after[worst, 0])} N, at posture {v.used[worst] + 1}.",
         lambda: _at_postures(v.used + 1, before, after, said),
     )
 
@@ -118,7 +118,7 @@ def _over_time(
         "residual-over-time",
         "Residual contact wrench over the motion",
         "Nothing should be left while nothing touches the terminal; the residual force is "
-        f"{rounded(np.sqrt(np.mean(after[:, 0] ** 2)))} N (rms of means over a second)"
+        f"{measured(np.sqrt(np.mean(after[:, 0] ** 2)))} N (rms of means over a second)"
         f"{'; what is shaded was left out' if left_out else ''}.",
         paint,
     )
@@ -135,7 +135,7 @@ def survey(c: Calibration) -> Drawing | None:
     return Drawing(
         "survey",
         "Residuals of the tracker's points",
-        f"The {len(names)} points fit within {rounded(rms, 3)} µm (rms); the worst is "
+        f"The {len(names)} points fit within {measured(rms, 3)} µm (rms); the worst is "
         f"{names[worst]}, {np.abs(normalised[worst]).max():.1f} standard uncertainties off.",
         lambda: _points(names, normalised),
     )

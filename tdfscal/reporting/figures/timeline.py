@@ -15,7 +15,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import rounded, typeset, with_std
+from tdfscal.catalogue.numbers import measured, typeset, with_std
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
 from tdfscal.files.calibration.document import Calibration
@@ -102,7 +102,7 @@ def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing
         axes[1].set_xlabel("time since the first sample, s; pale: uncalibrated")
         return fig
 
-    said = f"The largest contact force of the log is {rounded(largest, 3)} N."
+    said = f"The largest contact force of the log is {measured(largest, 3)} N."
     return Drawing("contact-wrench", "Contact wrench over the log", said, paint)
 
 
@@ -133,7 +133,7 @@ def control_charts(life: Life, said: Callable[[Alarm], str]) -> tuple[Drawing, .
     for i in sorted(known, key=lambda i: weight.get(i, 2.0)):
         own = [alarm for alarm in life.alarms if alarm.sensor in (i, None)]
         moved = 1e3 * float(np.abs(life.path[-1, i] - life.path[0, i]).max())
-        way = f"moves by {rounded(moved)} mrad" if moved >= _STILL else "does not move"
+        way = f"moves by {measured(moved)} mrad" if moved >= _STILL else "does not move"
         calm = f"No alarm; between the first and the last check the path {way}."
         reading = " ".join(begun(said(alarm), ".") for alarm in own) or calm
         title, paint = f"{life.supports[i]} over time", partial(_paint_chart, life, i, own)
