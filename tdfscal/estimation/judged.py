@@ -1,22 +1,31 @@
-"""The judged result of a calibration, from postures or from a motion."""
+"""The judged result of a calibration, from postures or from a motion; what changed on the way.
+
+From an instant on a sensor may have another rotation or zero, while all else stays common. Nothing
+is fitted anew. With the whitened Jacobian J of the fit, its residual r and the columns c of the
+suspect, score u = cᵀ(r − J A⁺ Jᵀr) and information I = cᵀc − cᵀJ A⁺ Jᵀc, A = JᵀJ, the statistic
+uᵀ I⁺ u is χ² of the rank of I (Rao, Math. Proc. Camb. Phil. Soc. 44, 1948). Of all suspects the
+likeliest is named, by the fall of −2 ln L less q ln N for q unknowns (Schwarz).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Generic
+from typing import Any, Generic
 
 import numpy as np
 
 from tdfscal.acceptance import Conformity, assess_stated, judge
 from tdfscal.estimation.observability import Observability
-from tdfscal.estimation.score_tests import Suspicion
+from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import UNDECLARED, Estimate, F, Quality, Uncertainty, beside
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import MonteCarlo
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo
+from tdfscal.numerics.least_squares import ask
 from tdfscal.records import FloatArray, Rig, Rotations
 
 #: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
@@ -142,3 +151,115 @@ def holding(known: Estimate[F], *groups: tuple[Suspicion, ...]) -> Estimate[F]:
             share = np.exp((weight - weight.max()) / 2)
             covariance.append((moves.T * (share / share.sum())) @ moves)
     return beside(known, np.sum(covariance, axis=0)) if covariance else known
+
+
+#: Kind of a suspicion by what changed, code of its finding, and the unit of its size.
+_CHANGED = {
+    "rotation": ("slip", "sensor-slipped", "rad"),
+    "zero": ("jump", "zero-jumped", "N"),
+    "LCS": ("contact", "contact-stays", "N"),
+    "BCS": ("contact", "contact-stays", "N"),
+}
+
+
+@record(kw_only=True)
+class Change:
+    """What became another on the way, as far as the residuals ask for it.
+
+    what : rotation or zero of a sensor, delay, or LCS or BCS, the frame of a wrench that stayed.
+    which : of the candidates that were asked for. amount, std : rad in the BCS, N in the sensor's
+    frame, s; of a wrench the force first. move : (p + …,), of the other unknowns with it.
+    statistic : fall of χ², by so many unknowns. worth : less what these are worth.
+    """
+
+    what: str
+    support: int
+    which: int
+    amount: FloatArray
+    std: FloatArray
+    move: FloatArray
+    statistic: float
+    unknowns: int
+    worth: float
+
+    @property
+    def kind(self) -> str:
+        """Of a suspicion."""
+        return _CHANGED[self.what][0]
+
+    def cause(self, rig: Rig, **when: Value) -> Finding:
+        """The change as a finding; when : and at which instant."""
+        kind, code, unit = _CHANGED[self.what]
+        values: dict[str, Value] = {
+            "change": self.amount[:3].tolist(),
+            "change_95": (INTERVAL_FACTOR * self.std[:3]).tolist(),
+            **when,
+        }
+        subject = () if kind == "contact" else (rig.supports[self.support],)
+        return Finding(code, subject, float(np.linalg.norm(self.amount[:3])), unit, values=values)
+
+
+class ChangeSearch:
+    """What further columns explain of the residual of a fit, all of its parameters giving way.
+
+    root : (p, r), of their covariance. rows : N. pull : (r,), score along it, 0 at an estimate.
+    chi2, dof : of the residual, where its scatter may be more than is stated.
+    """
+
+    def __init__(
+        self,
+        root: FloatArray,
+        rows: int,
+        pull: FloatArray | None = None,
+        chi2: float = 0.0,
+        dof: int = 1,
+    ) -> None:
+        self.root, self.unknown = root, float(np.log(max(rows, 2)))
+        self.pull = np.zeros(root.shape[1]) if pull is None else pull
+        self.chi2, self.dof = chi2, dof
+
+    def likeliest(
+        self, what: str, support: int, cross: FloatArray, own: FloatArray, score: FloatArray
+    ) -> Change:
+        """The best of S candidates with columns c: cᵀJ (S, g, p), cᵀc (S, g, g) and cᵀr (S, g)."""
+        known = cross @ self.root
+        scale = np.maximum(np.trace(own, axis1=1, axis2=2), np.finfo(float).tiny)
+        left = own - known @ np.swapaxes(known, 1, 2)
+        asked = ask(left, score - known @ self.pull, NOISE_ONLY * scale)
+        best = int(np.argmax(asked.statistic))
+        fall, unknowns = float(asked.statistic[best]), int(asked.unknowns[best])
+        amount = -asked.amount[best]
+        return Change(
+            what=what,
+            support=support,
+            which=best,
+            amount=amount,
+            # Held against the scatter that remains without it, or it would excuse itself.
+            std=asked.std[best] * np.sqrt(max(1.0, self.scatter(fall, unknowns))),
+            move=-self.root @ (self.pull + known[best].T @ amount),
+            statistic=fall,
+            unknowns=unknowns,
+            worth=fall - unknowns * self.unknown,
+        )
+
+    def scatter(self, fall: float, unknowns: int) -> float:
+        """χ² per degree of freedom without what makes it fall by so much."""
+        return float(max(self.chi2 - fall, np.finfo(float).tiny) / max(self.dof - unknowns, 1))
+
+
+def change_suspicion(
+    of: Estimate[F], changes: Sequence[Change], causes: Sequence[Finding], **facts: Any
+) -> Suspicion:
+    """The likeliest change and those about as likely as one suspicion.
+
+    It has the angle that they spoil most, before or after them. facts : its other fields.
+    """
+    moves, turns = list[FloatArray](), 3 * of.fit.rig.n
+    for change in changes:
+        after = (before := change.move[:turns]).copy()
+        if change.what == "rotation":
+            after[3 * change.support : 3 * change.support + 3] += change.amount
+        moves += [np.abs(before), np.abs(after)]
+    shift, harm, angle = worst_angle(of.fit.rig, of.uncertainty, np.max(moves, axis=0))
+    own = {"kind": changes[0].kind, "support": changes[0].support, "weight": changes[0].worth}
+    return Suspicion(tuple(causes), shift=shift, harm=harm, angle=angle, **{**own, **facts})

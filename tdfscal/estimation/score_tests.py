@@ -13,7 +13,7 @@ likeliest is named, and those that are about as likely.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -176,24 +176,6 @@ def worst_angle(rig: Rig, known: Uncertainty, move: FloatArray) -> tuple[float, 
     worst = int(np.argmax(shift))
     angle = f"{ANGLES[worst % 3]} of {rig.supports[worst // 3]}"
     return float(shift[worst]), float(abs(move[worst])), angle
-
-
-def worst_by_either_end(
-    rig: Rig, known: Uncertainty, changes: Iterable[tuple[FloatArray, int | None, FloatArray]]
-) -> tuple[float, float, str]:
-    """The angle that changes on the way spoil most, as `worst_angle`, before or after them.
-
-    changes : of each the move of the free parameters without it, rotations first, the sensor that
-    turned, None where none did, and by how much, rad.
-    """
-    moves = list[FloatArray]()
-    for move, turned, amount in changes:
-        before = move[: 3 * rig.n]
-        after = before.copy()
-        if turned is not None:
-            after[3 * turned : 3 * turned + 3] += amount
-        moves += [np.abs(before), np.abs(after)]
-    return worst_angle(rig, known, np.max(moves, axis=0))
 
 
 def worst_zero(

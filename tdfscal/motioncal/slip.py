@@ -1,9 +1,7 @@
 """Did a sensor turn, its zero jump, or the delay change, at some instant of a motion?
 
-As at rest (`selfcal/changes`): from an instant on a sensor has another rotation or zero, or the
-forces another delay, and all else stays common. The columns of such a step are those of the model
-from that instant on, zero before it, in the Fourier coefficients of the blocks (Rao, Proc. Camb.
-Phil. Soc. 44, 1948; `numerics.least_squares.ask`).
+The columns of such a step are those of the model from that instant on, zero before it, in the
+Fourier coefficients of the blocks.
 
 A step that is misplaced leaves a pulse, by which the noise of a quiet log tells it from a true one:
 its score is asked for at every instant. With q(t) the weighted residual, brought back to time under
@@ -22,7 +20,8 @@ import numpy as np
 
 from tdfscal.errors import DataError
 from tdfscal.estimation.fit import factored_information
-from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_by_either_end
+from tdfscal.estimation.judged import Change, ChangeSearch, change_suspicion
+from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
@@ -33,9 +32,9 @@ from tdfscal.motioncal.blocks import BAND, ComplexArray
 from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.fit import MovingFit
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_quantile, chi2_sf
+from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
 from tdfscal.numerics.least_squares import ask
-from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
+from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import CAUSES_APART, CHANGED_RIG
 
 #: Instants all over the log at which the information of a step is worked out.
@@ -50,37 +49,29 @@ _PULSES = np.linspace(-1.0, 1.0, 5)
 _WITHIN = float(chi2_quantile(0.95, 1))
 
 
-@record
-class Step:
+@record(kw_only=True)
+class Step(Change):
     """A change at its likeliest instant.
 
-    group : rotation, zero or delay. support : of which sensor. between : s, times between which it
-    lies with 95 %. amount, std : (g,), rad in the BCS, N in the sensor's frame, or s. move :
-    (p + rests,), of the other unknowns with it. statistic : fall of χ². p_value : that noise gives
-    as much anywhere in the log, with and without what lies about it. worth : statistic less what
-    its unknowns are worth. wrench : (F, 6) of every block, by the step and the move.
+    between : s, times between which it lies with 95 %. p_value : that noise gives as much anywhere
+    in the log, with and without what lies about it. wrench : (F, 6) of every block, by the step and
+    the move, which has the turns at rests too.
     """
 
-    group: str
-    support: int
     between: tuple[float, float]
-    amount: FloatArray
-    std: FloatArray
-    move: FloatArray
-    statistic: float
     p_value: float
-    worth: float
     wrench: tuple[ComplexArray, ...]
 
 
-class _Steps:
+class _Steps(ChangeSearch):
     """Columns of steps in all blocks of a fit, and the sums that their tests need.
 
     An instant is told by its place among all that are used, block after block.
     """
 
     def __init__(self, fit: MovingFit) -> None:
-        self.fit, self.root = fit, factored_information(fit).root
+        super().__init__(factored_information(fit).root, fit.rows)
+        self.fit = fit
         self.time = np.concatenate([fit.slow.time[block.index] for block in fit.blocks])
         self.first = np.cumsum([0, *map(len, fit.blocks)])
         self.columns = [_columns(fit, item) for item in fit.designs]
@@ -181,7 +172,7 @@ def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tupl
     )
     found = sorted(filter(None, asked), key=lambda step: step.worth, reverse=True)
     near = [step for step in found[1:] if found[0].worth - step.worth < CAUSES_APART]
-    return (*found[:1], *(step for step in near if step.group != "delay"))
+    return (*found[:1], *(step for step in near if step.what != "delay"))
 
 
 def _at_its_best(
@@ -208,68 +199,36 @@ def _at_its_best(
     between += floor[:, None, None] * np.eye(size)
     curve = np.einsum("ka,kab->k", score, np.linalg.solve(between, score[..., None]))
     place = int(np.argmax(curve))
-    sums = steps.sums(place)
-    exact, columns = steps.beside(sums)[np.ix_(own, own)], np.trace(sums[np.ix_(own, own)])
-    asked = ask(exact, sums[own, steps.size], NOISE_ONLY * float(columns))
-    near = np.flatnonzero(curve > curve[place] - _WITHIN)
-    ends = steps.time[[max(near[0] - 1, 0), min(near[-1] + 1, len(every) - 1)]]
-    amount, statistic = -asked.amount, float(asked.statistic)
-    p_value = tests * float(chi2_sf(statistic, size))
+    sums = steps.sums(place)[own][None]
+    ends = [steps.size, steps.size + 1]
+    columns, residual, cross = np.split(sums, ends, axis=2)
+    best = steps.likeliest(group, support, cross, columns[..., own], residual[..., 0])
+    p_value = tests * float(chi2_sf(best.statistic, size))
     if p_value <= CHANGED_RIG:
         p_value = max(p_value, tests * float(chi2_sf(steps.beyond(place, own), size)))
     if p_value > CHANGED_RIG:
         return None
-    move = -steps.root @ (steps.root.T @ (sums[own, steps.size + 1 :].T @ amount))
-    return Step(
-        group=group,
-        support=support,
-        between=(float(ends[0]), float(ends[1])),
-        amount=amount,
-        std=asked.std,
-        move=move,
-        statistic=statistic,
-        p_value=p_value,
-        # Unknowns count as in `likeliest` (Schwarz 1978).
-        worth=statistic - size * float(np.log(max(steps.fit.rows, 2))),
-        wrench=tuple(steps.removed(place, own, amount, move)),
-    )
+    near = np.flatnonzero(curve > curve[place] - _WITHIN)
+    begin, end = steps.time[[max(near[0] - 1, 0), min(near[-1] + 1, len(every) - 1)]].tolist()
+    wrench = steps.removed(place, own, best.amount, best.move)
+    return Step(**vars(best), between=(begin, end), p_value=p_value, wrench=tuple(wrench))
 
 
 def suspicion_of(steps: Sequence[Step], of: Estimate[MovingFit]) -> Suspicion:
-    """The likeliest steps as one suspicion, with the angle that they spoil most by either end."""
-    rig, best = of.fit.rig, steps[0]
-    changes = ((s.move, s.support if s.group == "rotation" else None, s.amount) for s in steps)
-    shift, harm, angle = worst_by_either_end(rig, of.uncertainty, changes)
-    return Suspicion(
-        causes=tuple(_cause(rig, step) for step in steps),
-        p_value=best.p_value,
-        shift=shift,
-        harm=harm,
-        angle=angle,
-        kind="slip" if any(step.group == "rotation" for step in steps) else "jump",
-        support=best.support,
-        weight=best.worth,
-        move=best.move[: int(of.fit.active.sum())],
+    """The likeliest steps as one suspicion."""
+    return change_suspicion(
+        of,
+        steps,
+        [step.cause(of.fit.rig, between=list(step.between), cut=step.between[1]) for step in steps],
+        p_value=steps[0].p_value,
+        kind="slip" if any(step.what == "rotation" for step in steps) else "jump",
+        move=steps[0].move[: int(of.fit.active.sum())],
     )
-
-
-def _cause(rig: Rig, step: Step) -> Finding:
-    """A sensor that turned, or whose zero jumped, and when."""
-    values: dict[str, Value] = {
-        "change": step.amount.tolist(),
-        "change_95": (INTERVAL_FACTOR * step.std).tolist(),
-        "between": list(step.between),
-        "cut": step.between[1],
-    }
-    turned = step.group == "rotation"
-    code, unit = ("sensor-slipped", "rad") if turned else ("zero-jumped", "N")
-    size = float(np.linalg.norm(step.amount))
-    return Finding(code, (rig.supports[step.support],), size, unit, values=values)
 
 
 def refuse_changed_delay(steps: Sequence[Step]) -> None:
     """Raise DataError where forces and positions do not keep one delay."""
-    if steps and steps[0].group == "delay":
+    if steps and steps[0].what == "delay":
         change, std = float(steps[0].amount[0]), float(steps[0].std[0])
         values: dict[str, Value] = {"ms": 1e3 * change, "ms_std": 1e3 * std}
         raise DataError(Finding("delay-changed", (), change, "s", values=values))

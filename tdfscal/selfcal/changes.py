@@ -12,16 +12,8 @@ a constant one of the terminal (six unknowns, LCS), or a force that the base's f
 point of the terminal, as a rope or a load does: e_F += f, e_M += R l × f, linear in f and l fᵀ
 (twelve). Every run between two postures is asked for; a long campaign's on a grid, then finer.
 
-Nothing is fitted anew. With the whitened Jacobian J of the fit, its residual r and the columns c of
-the suspect, score u = cᵀ(r − J A⁺ Jᵀr) and information I = cᵀc − cᵀJ A⁺ Jᵀc, A = JᵀJ, the statistic
-uᵀ I⁺ u is χ² of the rank of I (Rao 1948). All splits follow from sums over the postures' own 3 × 3
-and 3 × p blocks, so that the search is linear in their number. Of all suspects the likeliest is
-named, by the fall of −2 ln L less q ln N for q unknowns (Schwarz).
-
-References
-----------
-Rao C.R. (1948), Large sample tests of statistical hypotheses concerning several parameters. Math.
-Proc. Camb. Phil. Soc. 44, 50-57.
+All splits follow from sums over the postures' own 3 × 3 and 3 × p blocks, so that the search is
+linear in their number.
 """
 
 from __future__ import annotations
@@ -32,14 +24,14 @@ import numpy as np
 from scipy.special import fdtrc
 
 from tdfscal.estimation.fit import factored_information
-from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_by_either_end
+from tdfscal.estimation.judged import Change, ChangeSearch, change_suspicion
+from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimate
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import layout
-from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
-from tdfscal.numerics.least_squares import ask
-from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
+from tdfscal.numerics.distributions import chi2_sf
+from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.selfcal.estimator import ROWS, Fit
 from tdfscal.significance import CAUSES_APART, MOST_REJECTED, STAYING_CONTACT, WITHIN_CAMPAIGN
 
@@ -52,33 +44,22 @@ _SPLITS = 32
 _FINER = 8
 #: Changes that are about as likely as the likeliest, itself among them, named at most.
 _NAMED = 6
-#: Kind of a suspicion by what changed.
-_KINDS = {"rotation": "slip", "zero": "jump", "LCS": "contact", "BCS": "contact"}
 
 
-@record
-class _Change:
-    """A suspect at its best.
+@record(kw_only=True)
+class _Run(Change):
+    """A change that holds from a posture (in the order of time) on, and from `last` no more."""
 
-    what : rotation or zero of a sensor, or LCS or BCS, the frame of a wrench. first, last : from
-    which posture (in the order of time) it holds, and from which no more. amount, std : rad in the
-    BCS or N in the sensor's frame, (3,); of a wrench (6,) or (12,), the force first. move : (p,),
-    of the other parameters with it. worth : fall of −2 ln L less what its unknowns are worth.
-    """
-
-    what: str
-    sensor: int
     first: int
     last: int
-    statistic: float
-    size: int
-    amount: FloatArray
-    std: FloatArray
-    move: FloatArray
-    worth: float
+
+    @classmethod
+    def of(cls, change: Change, first: int, last: int) -> _Run:
+        """A change with its postures."""
+        return cls(**vars(change), first=first, last=last)
 
 
-class _Normal:
+class _Search(ChangeSearch):
     """Normal equations of the fit about its estimate, the postures in the order of time.
 
     counts : (K,), in that order, which of them count.
@@ -91,29 +72,26 @@ class _Normal:
         self.active = self.design[..., fit.active]
         white = fit.white
         self.residual = white[: ROWS * len(order)].reshape(-1, ROWS)[order]
-        self.root = factored_information(fit).root
+        root = factored_information(fit).root
         gradient = np.einsum("kra,kr->a", self.active, self.residual)
-        gradient += fit.prior_jacobian.T @ fit.prior_residual
-        self.pull = self.root.T @ gradient
-        self.chi2 = float(white @ white - self.pull @ self.pull)
-        rows = ROWS * int(counts.sum()) + len(fit.prior_residual)
-        self.dof = rows - self.root.shape[1]
-        self.unknown = float(np.log(ROWS * len(order)))
+        pull = root.T @ (gradient + fit.prior_jacobian.T @ fit.prior_residual)
+        dof = ROWS * int(counts.sum()) + len(fit.prior_residual) - root.shape[1]
+        super().__init__(root, ROWS * len(order), pull, float(white @ white - pull @ pull), dof)
 
-    def step(self, group: str, sensor: int, possible: IntArray) -> _Change:
+    def step(self, group: str, sensor: int, possible: IntArray) -> _Run:
         """The likeliest change of a sensor's rotation or zero from one of these postures on."""
         sums = [np.cumsum(x[::-1], axis=0)[::-1][possible] for x in self._products(group, sensor)]
-        best = self._likeliest(group, sensor, *sums)
-        return replace(best, first=int(possible[best.first]), last=len(self.order))
+        best = self.likeliest(group, sensor, *sums)
+        return _Run.of(best, int(possible[best.which]), len(self.order))
 
-    def drift(self, sensor: int, shapes: FloatArray) -> _Change:
+    def drift(self, sensor: int, shapes: FloatArray) -> Change:
         """The likeliest drift of a sensor's zero, of some shapes over time (S, K)."""
         cross, own, score = self._products("zero", sensor)
         powers = ((shapes, cross), (shapes**2, own), (shapes, score))
         sums = [np.tensordot(shape, x, axes=1) for shape, x in powers]
-        return self._likeliest("zero", sensor, *sums)
+        return self.likeliest("zero", sensor, *sums)
 
-    def contact(self, frame: str) -> _Change | None:
+    def contact(self, frame: str) -> _Run | None:
         """The likeliest wrench that stayed over a run of postures; None where there are too few."""
         at = self.fit.at
         if frame == "BCS":
@@ -136,7 +114,7 @@ class _Normal:
 
     def _run(
         self, frame: str, columns: FloatArray, each: FloatArray, ends: IntArray, some: IntArray
-    ) -> _Change | None:
+    ) -> _Run | None:
         """The likeliest run between two of some ends.
 
         columns : (K, 6, c), of its wrench. each : (K, 6, p + c + 1), the fit's, these, residuals.
@@ -153,9 +131,9 @@ class _Normal:
         parts = [by[a:b].T @ flat[a:b] for a, b in pairwise(cut)]
         total = np.cumsum([np.zeros_like(parts[0]), *parts], axis=0)
         cross, own, score = np.split(total[j] - total[i], at, axis=2)
-        best = self._likeliest(frame, 0, cross, own, score[..., 0])
-        first, last = (int(ends[some[end[best.first]]]) for end in (i, j))
-        return replace(best, first=first, last=last)
+        best = self.likeliest(frame, 0, cross, own, score[..., 0])
+        first, last = (int(ends[some[end[best.which]]]) for end in (i, j))
+        return _Run.of(best, first, last)
 
     def _products(self, group: str, sensor: int) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Per posture, of a suspect's columns: cᵀJ (K, 3, p), cᵀc (K, 3, 3) and cᵀr (K, 3)."""
@@ -165,34 +143,13 @@ class _Normal:
         score = (across @ self.residual[..., None])[..., 0]
         return across @ self.active, across @ block, score
 
-    def _likeliest(
-        self, what: str, sensor: int, cross: FloatArray, own: FloatArray, score: FloatArray
-    ) -> _Change:
-        """The best of suspects with these sums (S, …); first : which of them."""
-        known = cross @ self.root
-        scale = np.maximum(np.trace(own, axis1=1, axis2=2), np.finfo(float).tiny)
-        left = own - known @ np.swapaxes(known, 1, 2)
-        asked = ask(left, score - known @ self.pull, NOISE_ONLY * scale)
-        best = int(np.argmax(asked.statistic))
-        amount = -asked.amount[best]
-        move = -self.root @ (self.pull + known[best].T @ amount)
-        fall, size = float(asked.statistic[best]), int(asked.unknowns[best])
-        # Held against the scatter that remains without the suspect, or it would excuse itself.
-        std = asked.std[best] * np.sqrt(max(1.0, self._rest(fall, size)))
-        worth = fall - size * self.unknown
-        return _Change(what, sensor, best, 0, fall, size, amount, std, move, worth)
-
-    def _rest(self, fall: float, size: int) -> float:
-        """χ² per degree of freedom without a suspect of this χ² and size."""
-        return float(max(self.chi2 - fall, np.finfo(float).tiny) / max(self.dof - size, 1))
-
-    def p_value(self, change: _Change) -> float:
+    def p_value(self, change: Change) -> float:
         """That noise alone gives as much, for this suspect alone."""
-        rest = self._rest(change.statistic, change.size)
+        fall, size = change.statistic, change.unknowns
+        rest = self.scatter(fall, size)
         if self.fit.postures.noise_from_residuals:
-            dof = max(self.dof - change.size, 1)
-            return float(fdtrc(change.size, dof, change.statistic / change.size / rest))
-        return float(chi2_sf(change.statistic / max(1.0, rest), change.size))
+            return float(fdtrc(size, max(self.dof - size, 1), fall / size / rest))
+        return float(chi2_sf(fall / max(1.0, rest), size))
 
 
 def find_change(of: Estimate[Fit], time: FloatArray, number: IntArray) -> Suspicion | None:
@@ -210,103 +167,73 @@ def find_change(of: Estimate[Fit], time: FloatArray, number: IntArray) -> Suspic
     """
     order = np.argsort(time, kind="stable")
     used = (of.fit.weight > 0)[order]
-    best: tuple[float, list[_Change], float, bool] | None = None
+    best: tuple[float, list[_Run], float, bool] | None = None
     for counts in [used] if used.all() else [used, np.ones_like(used)]:
-        normal = _Normal(of.fit, order, counts)
-        found = _most_likely(normal, time[order], used)
+        search = _Search(of.fit, order, counts)
+        found = _most_likely(search, time[order], used)
         if found is None:
             continue
         changes, level = found
         change = changes[0]
-        p_value = normal.p_value(change)
+        p_value = search.p_value(change)
         if p_value > level:
             continue
         ahead, touched = change.worth, int(np.sum(counts & ~used))
         if touched:  # of contact at each of them, whose deviance is that of the estimate
-            ahead += of.fit.cost + ROWS * touched * normal.unknown - normal.chi2
+            ahead += of.fit.cost + ROWS * touched * search.unknown - search.chi2
         if ahead > -CAUSES_APART and (best is None or ahead > best[0]):
             best = ahead, changes, p_value, bool(touched) and ahead < CAUSES_APART
-    return None if best is None else _suspicion(of, time[order], number[order], *best)
+    if best is None:
+        return None
+    weight, changes, p_value, tied = best
+    causes = [each.cause(of.fit.rig, **_when(each, time[order], number[order])) for each in changes]
+    return change_suspicion(of, changes, causes, p_value=p_value, weight=weight, tied=tied)
 
 
 def _most_likely(
-    normal: _Normal, time: FloatArray, used: BoolArray
-) -> tuple[list[_Change], float] | None:
+    search: _Search, time: FloatArray, used: BoolArray
+) -> tuple[list[_Run], float] | None:
     """The likeliest change and those about as likely, and the level of its test.
 
     None where a zero that drifts explains more. used : (K,), postures that the estimate is by.
     """
-    counts, sensors = normal.counts, range(normal.fit.rig.n)
+    counts, sensors = search.counts, range(search.fit.rig.n)
     before: IntArray = np.cumsum(counts) - counts
     possible = np.flatnonzero(counts & (before >= _FEWEST) & (counts.sum() - before >= _FEWEST))
     if not len(possible):
         return None
     ramp = (time - time.mean()) / max(float(np.ptp(time)), np.finfo(float).tiny)
     creep = np.stack([ramp, ramp**2 - np.mean(ramp**2)])
-    changes = [normal.step(group, i, possible) for group in ("zero", "rotation") for i in sensors]
+    changes = [search.step(group, i, possible) for group in ("zero", "rotation") for i in sensors]
     splits = min(len(possible), _SPLITS)
     level = WITHIN_CAMPAIGN / (len(changes) * splits)
-    runs = [normal.contact(frame) for frame in ("LCS", "BCS")]
+    runs = [search.contact(frame) for frame in ("LCS", "BCS")]
     # Postures that are out already spoil nothing, as long as they are few.
     many = np.sum(~used) > MOST_REJECTED * len(used)
     changes += [run for run in runs if run and (many or used[run.first : run.last].any())]
     changes.sort(key=lambda change: change.worth, reverse=True)
     best = changes[0]
-    if _KINDS[best.what] == "contact":
+    if best.kind == "contact":
         level = STAYING_CONTACT / (len(runs) * splits**2 / 2)
-    if any(normal.drift(i, creep).worth >= best.worth for i in sensors):
+    if any(search.drift(i, creep).worth >= best.worth for i in sensors):
         return None
     near = [change for change in changes if change.worth > best.worth - CAUSES_APART]
     return near[:_NAMED], level
 
 
-def _suspicion(
-    of: Estimate[Fit],
-    time: FloatArray,
-    number: IntArray,
-    weight: float,
-    changes: list[_Change],
-    p_value: float,
-    tied: bool,
-) -> Suspicion:
-    """Name the changes, the likeliest first, and the angle that they spoil most by either end."""
-    rig, best = of.fit.rig, changes[0]
-    turns = ((c.move, c.sensor if c.what == "rotation" else None, c.amount) for c in changes)
-    shift, harm, angle = worst_by_either_end(rig, of.uncertainty, turns)
-    return Suspicion(
-        causes=tuple(_cause(rig, each, time, number) for each in changes),
-        p_value=p_value,
-        shift=shift,
-        harm=harm,
-        angle=angle,
-        kind=_KINDS[best.what],
-        support=best.sensor,
-        tied=tied,
-        weight=weight,
-    )
-
-
-def _cause(rig: Rig, change: _Change, time: FloatArray, number: IntArray) -> Finding:
-    """A sensor that turned about the BCS's axes, whose zero jumped, or what pushed; and when.
+def _when(change: _Run, time: FloatArray, number: IntArray) -> dict[str, Value]:
+    """At which postures, and when.
 
     time, number : (K,), in the order of time. A row that is one posture has its number for a time.
     """
     first, last = change.first, change.last
     values: dict[str, Value] = {"posture": int(number[first])}
-    timed = not np.array_equal(time, number - 1)
-    size, subject = float(np.linalg.norm(change.amount[:3])), (rig.supports[change.sensor],)
-    values |= {
-        "change": change.amount[:3].tolist(),
-        "change_95": (INTERVAL_FACTOR * change.std[:3]).tolist(),
-    }
-    if _KINDS[change.what] == "contact":
+    contact, timed = change.kind == "contact", not np.array_equal(time, number - 1)
+    if contact:
         values |= {"last": int(number[last - 1]), "frame": change.what}
-        if timed:
-            values["between"] = time[[first, last - 1]].tolist()
-        return Finding("contact-stays", (), size, "N", values=values)
     if timed:
-        values["between"] = time[first - 1 : first + 1].tolist()
-        values["cut"] = float(time[first - 1 : first + 1].mean())  # middles: the move lies between
-    if change.what == "rotation":
-        return Finding("sensor-slipped", subject, size, "rad", values=values)
-    return Finding("zero-jumped", subject, size, "N", values=values)
+        ends = [first, last - 1] if contact else [first - 1, first]
+        values["between"] = time[ends].tolist()
+        if not contact:
+            values["cut"] = float(time[ends].mean())  # middles: the move lies between
+    return values

@@ -139,7 +139,7 @@ def _with_steps(judged: Judged, steps: Sequence[Step]) -> Judged:
     """The same, with steps as the causes: beside them nothing else of the log can be told."""
     found = tuple(
         Cause(
-            kind="sensor slipped" if step.group == "rotation" else "zero jumped",
+            kind="sensor slipped" if step.what == "rotation" else "zero jumped",
             support=step.support,
             postures=(),
             value=step.amount,
