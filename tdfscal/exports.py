@@ -222,7 +222,7 @@ def cautions(c: Calibration) -> list[str]:
 def driver_factors(c: Calibration) -> FloatArray:
     """Return (n, 3), N on the terminal per unit of a reading as the rig's log block has it."""
     factors = np.ones((len(c.supports), 3))
-    for log in c.loaded_rig().log:
+    for log in c.rig.log or ():
         for i, name in enumerate(c.support_names):
             if fields := log.support_fields(name).force:
                 factors[i] = signal_of(log, "force", name, fields).factors

@@ -92,7 +92,7 @@ def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None 
     `load_calibration` and `resolve`.
     """
     name, loaded = read_source(calibration)
-    embedded = loaded.loaded_rig(name)  # not its campaign: the logs are of another
+    embedded = loaded.rig.loaded(name)  # not its campaign: the logs are of another
     document = {**embedded.document, "campaign": None}
     own = replace(embedded, rig=replace(embedded.rig, campaign=CampaignInfo()), document=document)
     campaign = resolve(paths, rig, fallback=own)

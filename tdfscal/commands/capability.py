@@ -245,7 +245,7 @@ def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) ->
     if len(paths) != 1 or (driven := read_plan(paths[0])) is None:
         return None
     name, loaded = read_source(source)
-    rig, given = loaded.loaded_rig(name), about_point(calibrated(loaded), point)
+    rig, given = loaded.rig.loaded(name), about_point(calibrated(loaded), point)
     if driven.position.shape[1] != given.rig.n or driven.supports != given.rig.supports:
         hint = f"plan with the rig of {name}"
         raise DataError("the plan is of another rig", where=str(paths[0]), hint=hint)

@@ -21,7 +21,6 @@ from tdfscal.records import ANGLES
 from tdfscal.reporting.headline import (
     SOURCES,
     SPOILT,
-    half_widths,
     largest_source,
     numbers,
     uncounted,
@@ -141,7 +140,7 @@ def _forecasts(c: Calibration) -> Iterator[str]:
     seen = c.observability
     if seen is None or c.method != "self":
         return
-    worst, half = float(c.rpy_std[c.determined].max()), 1e3 * half_widths(c).max()
+    worst, half = float(c.rpy_std[c.determined].max()), 1e3 * c.half_widths.max()
     found = []
     for f in seen.forecasts:
         amount = float(f"{rounded(f.amount)}") if f.change == "squeeze" else f.amount

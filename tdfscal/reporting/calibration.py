@@ -26,7 +26,6 @@ from tdfscal.reporting.headline import (
     coverage,
     draft_lines,
     exact_table,
-    half_widths,
     headline,
     largest_source,
     within,
@@ -115,7 +114,7 @@ def _summary(c: Calibration) -> Table:
     """The angles with ±."""
     rows = [
         (m.name, *(with_std(1e3 * v, 1e3 * h) for v, h in zip(m.rpy, row, strict=True)))
-        for m, row in zip(c.mounted, half_widths(c), strict=True)
+        for m, row in zip(c.mounted, c.half_widths, strict=True)
     ]
     rows += [(name, "undetermined", "", "") for name in c.undetermined]
     caption = f"Installation angles, mrad, {coverage(c)}; {_CONVENTION}"

@@ -75,17 +75,9 @@ _Part = TypeVar("_Part", RejectedPosture, LeftOutStretch)
 _CAPTION = "What a typical error of each quantity taken as exact would do to roll/pitch/yaw, mrad"
 
 
-def half_widths(c: Calibration) -> FloatArray:
-    """Return half (m, 3) of each mounted sensor's 95 % intervals, rad, by the farther end.
-
-    Where roll and yaw are not separable: the expanded uncertainty of the turns.
-    """
-    return np.array([mounting.half_widths for mounting in c.mounted])
-
-
 def within(c: Calibration) -> str:
     """What holds for all angles, each by itself, mrad; rounded as the tables are."""
-    return _bounds(half_widths(c))
+    return _bounds(c.half_widths)
 
 
 def _bounds(half: FloatArray) -> str:
@@ -166,7 +158,7 @@ def _not_counted(c: Calibration) -> str:
         return ""
     half = [(1.0 if q.name == UNMOVED else INTERVAL_FACTOR, q.effect) for q in c.taken_as_exact]
     together = np.sum([np.square(factor * np.array(effect)) for factor, effect in half], axis=0)
-    said, counted = list[str](), _bounds(np.sqrt(np.square(half_widths(c)) + together))
+    said, counted = list[str](), _bounds(np.sqrt(np.square(c.half_widths) + together))
     for q in each:
         off = ":" if said else " off moves an angle by"
         move = measured(1e3 * np.max(q.effect))
@@ -194,7 +186,7 @@ def _trusted(c: Calibration) -> Iterator[str]:
             continue
         variance = max((angle.variance.get(source, 0.0) for angle in c.budget.angles), default=0.0)
         move = math.sqrt(variance) * error / std[0]
-        if move > _NOTABLE * half_widths(c).max():
+        if move > _NOTABLE * c.half_widths.max():
             yield (
                 f"The {name} counts as good to {quantity(std[0], unit)}: "
                 f"{quantity(error, unit)} off would move an angle by {measured(1e3 * move)} mrad."
@@ -208,7 +200,7 @@ def _by_effect(c: Calibration) -> list[ExactQuantityResult]:
 
 def uncounted(c: Calibration) -> list[ExactQuantityResult]:
     """Return those of them whose typical errors are not small against the half widths."""
-    return [q for q in _by_effect(c) if np.max(q.effect) > _NOTABLE * half_widths(c).max()]
+    return [q for q in _by_effect(c) if np.max(q.effect) > _NOTABLE * c.half_widths.max()]
 
 
 def exact_table(c: Calibration) -> tuple[Table, ...]:

@@ -17,7 +17,7 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.reporting import layout
-from tdfscal.reporting.headline import coverage, half_widths, within
+from tdfscal.reporting.headline import coverage, within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Section, Table, by_angle, mrad
 from tdfscal.reporting.traceability import (
     Making,
@@ -146,7 +146,7 @@ def _keep(view: Several) -> str:
     if not sound:
         return "Use none of them: calibrate again."
     named = [each for each in sound if each[1].status == "accepted"] or sound
-    first, best = named[0], min(named, key=lambda each: half_widths(each[1]).max())
+    first, best = named[0], min(named, key=lambda each: each[1].half_widths.max())
     keep = f"Keep {first[0]} in use: no change beyond the uncertainties was seen since"
     if within(best[1]) == within(first[1]):
         return f"{keep}."

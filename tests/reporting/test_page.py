@@ -7,7 +7,6 @@ from html.parser import HTMLParser
 import pytest
 
 from tdfscal.catalogue.numbers import places, to_place
-from tdfscal.reporting.headline import half_widths
 from tests.reporting.pages import render_page
 from tests.reporting.samples import sample, sketch, with_load_cell
 
@@ -88,7 +87,7 @@ def test_a_sensor_without_angles_spoils_no_page(axes: str, monkeypatch: pytest.M
     assert reader.tags.count("svg") == 4
     said = " ".join(reader.words)
     assert not re.search(r"\b(inf|nan|None)\b", said)
-    half = 1e3 * half_widths(c).max()
+    half = 1e3 * c.half_widths.max()
     known = f"within ± {to_place(half, places(half))} mrad (95 %)"
     assert f"each that is determined is known to {known}" in said
     assert re.search(r"support_4\s+undetermined", said)

@@ -15,7 +15,7 @@ from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.headline import half_widths, headline, uncounted
+from tdfscal.reporting.headline import headline, uncounted
 from tdfscal.reporting.layout import Facts
 from tdfscal.reporting.text import render
 from tdfscal.reporting.traceability import campaign_facts
@@ -42,7 +42,7 @@ def test_what_is_exact_adds_up(size: tuple[float, float], apart: int, named: int
     """In quadrature, in units of the claim at k = 1; what is named is what is to be stated."""
     exact = {"base level": "gravity.tilt_std", "servo datums": "uncertainty.datum"}
     c = sample().calibration
-    half = half_widths(c).max() / coverage_factor(0.95)
+    half = c.half_widths.max() / coverage_factor(0.95)
     names = [support.name for support in c.supports]
     quantities = [
         {
@@ -57,7 +57,7 @@ def test_what_is_exact_adds_up(size: tuple[float, float], apart: int, named: int
     for name, key in exact.items():
         assert (f"{name} (" in headline(c)) == (f"`{key}`" in first)
     sizes = np.diag(size) if apart else np.diag([np.hypot(*size), 0.0])
-    total = np.hypot(half_widths(c), half_widths(c).max() * np.pad(sizes.sum(0), (0, 1))).max()
+    total = np.hypot(c.half_widths, c.half_widths.max() * np.pad(sizes.sum(0), (0, 1))).max()
     told = re.search(r"if so, reckon with ± ([\d.]+) mrad", headline(c))
     assert told
     assert float(told[1]) == pytest.approx(1e3 * total, rel=0.05)

@@ -18,13 +18,14 @@ from tdfscal.files.calibration.parameters import (
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.outputs import check_suffix
-from tdfscal.files.rig.reading import EmbeddedRig, LoadedRig, embedded_rig
+from tdfscal.files.rig.reading import EmbeddedRig
 from tdfscal.files.saving import content_sha256, to_json, to_yaml, write_text
 from tdfscal.files.yaml import Document, Format, as_path, parse_document, read_document
 from tdfscal.findings import Finding
 from tdfscal.model.parameters import EVEN_TURN
 from tdfscal.numerics.so3 import from_directions
 from tdfscal.records import BoolArray, FloatArray, Rig, Rotations
+from tdfscal.significance import COVERAGE_FACTOR
 
 Array = TypeVar("Array", BoolArray, FloatArray)
 
@@ -155,21 +156,19 @@ class Calibration(Strict):
     @property
     def rotation(self) -> FloatArray:
         """(n, 3, 3), sensor frame → BCS; where undetermined, one with the directions measured."""
-        return _read_only(
-            np.array(
-                [
-                    support.rotation
-                    if support.rotation is not None
-                    else from_directions(rig.nominal_rpy, dict(support.directions or {}))
-                    for support, rig in zip(self.supports, self.rig.supports, strict=True)
-                ]
-            )
-        )
+        each = zip(self.supports, self.rig.supports, strict=True)
+        found = (s.rotation or from_directions(r.nominal_rpy, s.directions or {}) for s, r in each)
+        return _read_only(np.array([np.array(R) for R in found]))
+
+    def _column(self, name: str) -> FloatArray:
+        """(n, 3), what the supports state under a key; not a number where that is null."""
+        each = [getattr(support, name) for support in self.supports]
+        return _read_only(np.array(each, dtype=np.float64))
 
     @property
     def rpy(self) -> FloatArray:
         """(n, 3), roll, pitch, yaw, rad; not a number where undetermined."""
-        return _read_only(np.array([support.rpy for support in self.supports], dtype=np.float64))
+        return self._column("rpy")
 
     @property
     def rpy_std(self) -> FloatArray:
@@ -177,16 +176,24 @@ class Calibration(Strict):
 
         Where roll and yaw are not separable: of the turns about the BCS's axes.
         """
-        std = np.array([support.stated_std for support in self.supports], dtype=np.float64)
-        return _read_only(np.where(self.determined[:, None], std, np.inf))
+        return _read_only(open_as_infinite(self._column("stated_std")))
+
+    @property
+    def half_widths(self) -> FloatArray:
+        """(m, 3), rad, half of each mounted sensor's intervals, by the farther end.
+
+        Where roll and yaw are not separable: the expanded uncertainty of the turns.
+        """
+        rows = [(m.rpy, m.rpy_std, m.interval.low, m.interval.high) for m in self.mounted]
+        value, std, low, high = np.array(rows, dtype=np.float64).swapaxes(0, 1)
+        half = np.maximum(value - low, high - value)
+        return _read_only(np.where(np.isnan(half), COVERAGE_FACTOR * std, half))
 
     @property
     def limit_half_width(self) -> float:
         """acceptance.angle_std as half an interval, rad, by the widest one's coverage factor."""
-        halves = np.array([mounting.half_widths for mounting in self.mounted])
-        widest = int(halves.argmax())
-        factor = halves.flat[widest] / self.rpy_std[self.determined].flat[widest]
-        return float(factor * self.rig.acceptance.angle_std)
+        half, std = self.half_widths, self.rpy_std[self.determined]
+        return float((half / std).flat[half.argmax()] * self.rig.acceptance.angle_std)
 
     @property
     def rotation_covariance(self) -> FloatArray:
@@ -202,8 +209,7 @@ class Calibration(Strict):
     @property
     def zero(self) -> FloatArray:
         """(n, 3), zero offsets, N, sensor frames; 0 for an axis that is not measured."""
-        stated = np.array([support.zero for support in self.supports], dtype=np.float64)
-        return _read_only(np.nan_to_num(stated))
+        return _read_only(np.nan_to_num(self._column("zero")))
 
     @property
     def zero_std(self) -> FloatArray:
@@ -211,9 +217,8 @@ class Calibration(Strict):
 
         An axis that is not measured has none: 0.
         """
-        measured = np.array([[z is not None for z in support.zero] for support in self.supports])
-        std = open_as_infinite([support.zero_std for support in self.supports])
-        return _read_only(np.where(measured, std, 0.0))
+        measured = ~np.isnan(self._column("zero"))
+        return _read_only(np.where(measured, open_as_infinite(self._column("zero_std")), 0.0))
 
     @property
     def sensitivity(self) -> FloatArray:
@@ -224,10 +229,6 @@ class Calibration(Strict):
     def rotations(self) -> Rotations:
         """Return the rotations with their covariance as a record."""
         return Rotations(self.support_names, self.rotation, self.rotation_covariance)
-
-    def loaded_rig(self, source: Path | str = "calibration") -> LoadedRig:
-        """Return the embedded rig; source is where this calibration was read, for messages."""
-        return embedded_rig(self.rig, Path(source))
 
 
 def _check_method(c: Calibration) -> None:

@@ -30,7 +30,7 @@ from tdfscal.files.calibration.parameters import (
 )
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, nominal, placed, prior_std, symmetric
 from tdfscal.numerics import so3
@@ -138,17 +138,16 @@ def from_joint(
     """
     R, C = both.rotations.rotation, both.rotations.covariance
     given = own.estimate.calibrated_at(C, R)
-    determined = np.all(both.rpy_std < own.rig.acceptance.identifiable, axis=1)
-    test = {
-        "consistency_p_value": both.test.p_value,
-        "largest_en": float(np.abs(both.test.en).max()),
-    }
     parts = _own_parts(own, origin)
     parts |= {
         "method": "joint",
         "conformity": assess_stated(given),
         "parameters": parameters_document(given),
-        "tracker": statistics.tracker_statistics(tracker) | test,
+        "tracker": {
+            **statistics.tracker_statistics(tracker),
+            "consistency_p_value": both.test.p_value,
+            "largest_en": np.abs(both.test.en).max(),
+        },
     }
     # With its weight in the joint estimate, C C_a⁻¹, each method moves it by what it has as exact,
     # and has the share C C_a⁻¹ C of its covariance, whose sum is C.
@@ -158,13 +157,13 @@ def from_joint(
         for covariance in (own.uncertainty.covariance, tracker.rotations.covariance)
     )
     follow = np.asarray(np.linalg.solve(C, given.covariance[: len(C)]).T)
-    exact = [
-        _followed(one, of_self, follow) for one in exact_quantities(own.fit, own.estimate.parts)
-    ]
-    exact += [_followed(one, of_tracker, follow) for one in tracker.exact]
+    moved = np.eye(len(follow))
+    moved[:, : len(C)] += follow @ (of_self - np.eye(len(C)))
+    exact = [one.by(moved) for one in exact_quantities(own.fit, own.estimate.parts)]
+    exact += [one.by(follow @ of_tracker) for one in tracker.exact]
     return _file(
         origin,
-        Angles(R, C, determined),
+        Angles(R, C, np.all(both.rpy_std < own.rig.acceptance.identifiable, axis=1)),
         findings,
         {
             "self-calibration": so3.rpy_variance(R, of_self @ C),
@@ -173,21 +172,6 @@ def from_joint(
         exact,
         parts | _state(given.state, published_std(given, own.uncertainty.parameter_std), own.rig),
     )
-
-
-def _followed(one: ExactMoves, weight: FloatArray, follow: FloatArray) -> ExactMoves:
-    """Moves of all parameters (P,) where the turns are weighted with those of another method.
-
-    weight : (3n, 3n), of this method. follow : (P, 3n), moves of all by turns.
-    """
-    sides = {}
-    for side in ("common", "apart"):
-        moves = getattr(one, side)
-        turns = moves[: len(weight)]
-        # A tracker knows no more than turns.
-        whole = moves if len(moves) > len(turns) else follow @ turns
-        sides[side] = whole + follow @ (weight @ turns - turns)
-    return replace(one, **sides)
 
 
 def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) -> dict[str, Any]:

@@ -13,7 +13,6 @@ from tdfscal.files import field_types as kind
 from tdfscal.files.field_types import Strict, fault, key
 from tdfscal.frozen import record
 from tdfscal.records import InputFile, Integrity, Measured
-from tdfscal.significance import COVERAGE_FACTOR
 
 CALIBRATION_FORMAT: Literal["tdfscal-calibration/1"] = "tdfscal-calibration/1"
 
@@ -118,15 +117,6 @@ class Mounting:
     rpy: tuple[float, float, float]
     rpy_std: tuple[float, float, float]
     interval: Interval
-
-    @property
-    def half_widths(self) -> list[float]:
-        """Half of each angle's interval, rad, by the farther end; without one, of its turn."""
-        ends = zip(self.interval.low, self.rpy, self.interval.high, self.rpy_std, strict=True)
-        return [
-            COVERAGE_FACTOR * std if low is None or high is None else max(value - low, high - value)
-            for low, value, high, std in ends
-        ]
 
 
 class SupportResult(Strict):

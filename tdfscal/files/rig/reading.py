@@ -80,6 +80,10 @@ class EmbeddedRig(RigFile):
         """Return what the mathematics needs of it."""
         return _rig(self)
 
+    def loaded(self, source: str = "calibration") -> LoadedRig:
+        """Resolve it, without the survey's files; source : where it was read, for messages."""
+        return dataclasses.replace(_resolved(self, Path(source), self.sha256), tracker=None)
+
 
 def load_rig(path: Path | str) -> LoadedRig:
     """Read and check a rig file.
@@ -93,11 +97,6 @@ def load_rig(path: Path | str) -> LoadedRig:
 def parse_rig(raw: bytes, source: str) -> LoadedRig:
     """Check the bytes of a rig file; the paths in it are relative to the folder of `source`."""
     return _from_document(parse_document(raw, source, RigError), Path(source))
-
-
-def embedded_rig(rig: EmbeddedRig, source: Path) -> LoadedRig:
-    """Resolve a rig that was read as part of a calibration file."""
-    return dataclasses.replace(_resolved(rig, source, rig.sha256), tracker=None)
 
 
 def _from_document(document: Document, path: Path) -> LoadedRig:
