@@ -123,7 +123,7 @@ positions-offset warns
   -> measure the servo datums, or write `uncertainty.datum: {stated}` in rig.yaml
 scale-differs warns
   positions and hinges differ in scale, by {number:.2%}
-  -> check the scale of the positioners and of the hinges' survey
+  -> check the scale of the hinges' survey, or of the positioners: {position_scale}
 supports-give warns
   the NCPs give between encoder and hinge, by {size}
   -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated}, vertical: {stated}}}`
@@ -133,9 +133,9 @@ frame-turned warns
   -> align or calibrate the positioner of {subject}; hinge distances show no error that all
     positioners share
 frame-scaled warns
-  the frame of the positioner of {subject} is scaled by {amount:1} along x, y, z
-  -> align or calibrate the positioner of {subject}; hinge distances show no error that all
-    positioners share
+  the {every:frames of all positioners are|frame of the positioner of {subject} is} scaled by
+  {amount:1} along x, y, z
+  -> calibrate the {every:positioners|positioner of {subject}}{position_scale:, or write ~|}
 frame-not-square warns
   the frame of the positioner of {subject} is not square, by {amount:rad} of yz, xz, xy
   -> align or calibrate the positioner of {subject}; hinge distances show no error that all

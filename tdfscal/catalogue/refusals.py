@@ -78,12 +78,13 @@ axis-saturated refuses
   @ log forces
 hinges-off refuses
   the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of ~ is not where
-  it is stated, by {by:m}{more: or more|}|}{servo:{either:, or|:} the servo coordinates of ~ are
-  offset, or out of scale, by {by:m}{more: or more|}|}
+  it is stated, by {by:m}{or_more: or more|}|}{servo:{either:, or|:} the servo coordinates of ~ are
+  offset by {by:m}{or_more: or more|}|}{rescaled:{either:, or|:} the positions of ~ are scaled by
+  {amount:1} along x, y, z|}{apart:: positions and hinges differ in scale by {by:.2%}|}
   ? fits ; it would fit with {fits}
   ? whole , and so would their forces
   -> {fits:correct the position {whole:and force |}fields of the log block in rig.yaml|measure
-    {servo:datum and scale of the positioner of ~, and the hinges,|the hinges} again ({first} to
+    {servo:the datum of the positioner of ~, and the hinges,|the hinges} again ({first} to
     {second} is {logged:.4f} m in the log and {stated_m:.4f} m in rig.yaml), or check the position
     fields and that log and rig.yaml belong together}{moved:: write
     ~|}{position_scale:, or write ~|}
@@ -124,7 +125,7 @@ forces-exchanged refuses
   the forces fit with {exchange}, and not as they are named; without it the residuals fall from
   {before:.2g} to {after:.2g} times what is stated
   -> correct the force fields of the log block in rig.yaml, or the cabling{moved:: write
-    ~|}{force_scale:, or write ~|}
+    ~|}{force_scale:, or write ~|}{check:; where a sensor was mounted anew, calibrate again|}
   @ log forces
 force-rescaled refuses
   {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors ask of it{unit:,

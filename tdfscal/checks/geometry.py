@@ -44,6 +44,8 @@ _GIVES: Final = 5e-7
 _SHAPE: Final = 2e-3
 #: A standard uncertainty of a place above this is none, m.
 _UNKNOWN: Final = 1.0
+#: A frame that is scaled not about the middle of its travel, but from the zero of its coordinates.
+FROM_ZERO: Final = "scaled from zero"
 #: Code of a finding by the cause's kind, and the unit of its size.
 CODES: Final = {
     "hinge": ("hinge-misplaced", "m"),
@@ -52,6 +54,7 @@ CODES: Final = {
     "compliance": ("supports-give", "m/N"),
     "turned": ("frame-turned", "rad"),
     "scaled": ("frame-scaled", ""),
+    FROM_ZERO: ("frame-scaled", ""),
     "not square": ("frame-not-square", "rad"),
 }
 #: Share of what a cause explains that its second order, or another's, may leave.
@@ -61,13 +64,20 @@ _FEWEST: Final = 3
 #: Positions are not known better than this, m: rounding, and a terminal that bends.
 _FLOOR: Final = 2e-7
 #: Ways in which a frame is wrong, with E of each of its components by one, (3, 3, 3).
-FRAMES: Final[dict[str, FloatArray]] = {
+_WAYS: Final[dict[str, FloatArray]] = {
     "turned": so3.hat(np.eye(3)),
     "scaled": np.eye(3)[:, :, None] * np.eye(3)[:, None],
     "not square": np.abs(so3.hat(np.eye(3))),
 }
+FRAMES: Final = {**_WAYS, FROM_ZERO: _WAYS["scaled"]}
+#: Weights that differ by less are those of one cause, told in two ways.
+_ONE: Final = 1.0
 #: Share of a cause's best-known component that another must have to be known at all.
 _SEEN: Final = 1e-6
+#: Noise of the positions in a column of a frame, 1 per equation, is noise of the residuals too: it
+#: lends its test √(1 / this) standard deviations at most, by this many times equations² of
+#: information (theory, section 13).
+_NOISY: Final = 10.0
 #: A posture this many times farther from the others' middle than their median is a jolt.
 _JOLT: Final = 100.0
 #: A cause: its kind, its support, and how its unknowns move the parameters, (P, g).
@@ -80,7 +90,7 @@ _CHUNK: Final = 1024
 class Cause:
     """One thing that may be wrong, and how well it alone explains the distances.
 
-    kind : hinge, datum, scale, compliance, or a key of `FRAMES`. support : whose; None: of all.
+    kind : a key of `CODES`. support : whose; None: of all.
     statistic : fall of χ², by so many `unknowns`. amount, std : (g,), m (hinge in the LCS, datum
     in the BCS), relative (scale, frames), or m/N lateral and vertical; ∞ where nothing is seen.
     """
@@ -101,6 +111,23 @@ class Cause:
     def weight(self) -> float:
         """Fall of χ² beyond its unknowns."""
         return self.statistic - self.unknowns
+
+    @property
+    def scales(self) -> list[float]:
+        """What coordinates x, y, z are to be multiplied by, no finer than it is known; or none."""
+        if self.kind not in ("scale", FROM_ZERO):
+            return []
+        digits = 1 - np.floor(np.log10(np.min(self.std)))
+        factors = 1.0 / (1.0 + self.amount * np.ones(3))
+        return [round(float(each), int(np.clip(digits, 2, 7))) for each in factors]
+
+    def added(self, position: FloatArray) -> FloatArray:
+        """What a wrong frame adds to the logged positions (K, n, 3), m, BCS."""
+        away = position if self.kind == FROM_ZERO else position - position.mean(axis=0)
+        out = away @ np.tensordot(self.amount, FRAMES[self.kind], 1).T
+        if self.support is not None:
+            out[:, np.arange(position.shape[1]) != self.support] = 0.0
+        return np.asarray(out)
 
 
 @record
@@ -127,12 +154,15 @@ class Equations:
         explained, rank = Contrast(self.seen.matrix, self.seen.score).chi2(free)
         return Equations(self.seen.without(free), self.chi2 - explained, self.rows), rank
 
-    def ask(self, kind: str, support: int | None, columns: FloatArray) -> Cause:
-        """Test a cause whose unknowns move the parameters by columns (P, g)."""
+    def ask(self, kind: str, support: int | None, columns: FloatArray, least: float = 0.0) -> Cause:
+        """Test a cause whose unknowns move the parameters by columns (P, g).
+
+        least : information of an unknown below which it is none.
+        """
         information = columns.T @ self.seen.matrix @ columns
         own = np.trace(columns.T @ columns)  # a cause without any column is not seen
         floor = max(_SEEN * np.linalg.norm(information, 2), np.finfo(float).tiny * own)
-        found = ask(information, columns.T @ self.seen.score, floor)
+        found = ask(information, columns.T @ self.seen.score, max(floor, least))
         fall, unknowns = float(found.statistic), int(found.unknowns)
         return Cause(kind, support, fall, unknowns, found.amount, found.std)
 
@@ -188,10 +218,13 @@ class Geometry:
             "or_more": not np.isfinite(cause.std).all(),
             "component": float(np.abs(cause.amount).max()),
         }
+        subject = () if cause.support is None else (supports[cause.support],)
+        if cause.scales:
+            values |= {"turned": [*(subject or ("<each>",))], "signs": cause.scales}
         if cause.kind in FRAMES:
             values["amount"] = cause.amount.tolist()
             values["std"] = (cause.std * np.sqrt(self.scatter)).tolist()
-        subject = () if cause.support is None else (supports[cause.support],)
+            values["every"] = not subject
         return Finding(code, subject, float(np.linalg.norm(cause.amount)), unit, values=values)
 
 
@@ -231,23 +264,29 @@ def examine(
         2 * len(tried) * min(cause.p_value for cause in tried),
     )
     if frames and dof > _FEWEST:
-        suspects = _frames(n, size)
+        suspects = _frames(position[keep].mean(axis=0), size)
         wrong = [pattern.ask(*suspect) for suspect in suspects]
         place = int(np.argmax([cause.weight for cause in wrong]))
-        likely, alone = wrong[place], varying.ask(*suspects[place])
+        likely, alone = wrong[place], varying.ask(*suspects[place], _NOISY * dof**2)
         varies, rest = _varies(varying, dof, alone, len(suspects))
         # What another test has raised already is no further false alarm.
-        level = FRAME_MISFIT if p_value > GEOMETRY_MISFIT else GEOMETRY_MISFIT
-        if likely.weight > best.weight and varies < level:
+        raised, ahead = p_value <= GEOMETRY_MISFIT, likely.weight - best.weight
+        level = GEOMETRY_MISFIT if raised else FRAME_MISFIT
+        if (ahead > 0 and varies < level) or (raised and ahead > CAUSES_APART):
             p_value = varies if varies < FRAME_MISFIT else p_value
-            return Geometry(p_value, _alike([*tried, *wrong], likely), True, rest)
+            whole = sums.scaled(rest).given(stated_errors(rig, common))
+            explained = _explains(whole.ask(*suspects[place]), whole.chi2, dof + known)
+            return Geometry(p_value, _alike([*tried, *wrong], likely), explained, rest)
     if p_value > GEOMETRY_MISFIT:
         return Geometry(p_value, (), True, scatter)
-    left = max(0.0, chi2 - best.statistic)
-    explained = left < _SECOND_ORDER * best.statistic or bool(
-        chi2_sf(left, max(known - best.unknowns, 1)) > CAUSE_EXPLAINS
-    )
-    return Geometry(p_value, _alike(tried, best), explained, scatter)
+    return Geometry(p_value, _alike(tried, best), _explains(best, chi2, known), scatter)
+
+
+def _explains(cause: Cause, chi2: float, dof: int) -> bool:
+    """Whether a cause leaves nothing remarkable of χ²."""
+    left = max(0.0, chi2 - cause.statistic)
+    chance = chi2_sf(left, max(dof - cause.unknowns, 1))
+    return bool(left < _SECOND_ORDER * cause.statistic or chance > CAUSE_EXPLAINS)
 
 
 def stated_errors(rig: Rig, common: float = 0.0) -> FloatArray:
@@ -275,6 +314,8 @@ def _varies(varying: Equations, dof: int, frame: Cause, tests: int) -> tuple[flo
 def _alike(tried: list[Cause], best: Cause) -> tuple[Cause, ...]:
     """The best cause, and others that explain about as much."""
     near = [c for c in tried if best.weight - c.weight < CAUSES_APART and c.unknowns]
+    zero = {c.support: c.weight for c in near if c.kind == FROM_ZERO}
+    near = [c for c in near if c.kind != "scaled" or zero.get(c.support, 0.0) < c.weight - _ONE]
     return tuple(sorted(near, key=lambda cause: -cause.weight))
 
 
@@ -289,11 +330,21 @@ def _suspects(hinge: FloatArray, size: int) -> list[Suspect]:
     return [*out, ("scale", None, larger), ("compliance", None, eye[:, 6 * n : 6 * n + 2])]
 
 
-def _frames(n: int, size: int) -> list[Suspect]:
-    """Frames of positioners that are turned, scaled or not square."""
-    ways, eye = list(FRAMES), np.eye(size)
-    firsts = enumerate(range(6 * n + 2, size, 3))
-    return [(ways[k % 3], k // 3, eye[:, first : first + 3]) for k, first in firsts]
+def _frames(middle: FloatArray, size: int) -> list[Suspect]:
+    """Frames of positioners, or of all alike, that are turned, scaled or not square.
+
+    middle : (n, 3), m, BCS, of each one's travel.
+    """
+    n, eye = len(middle), np.eye(size)
+    out: dict[tuple[str, int | None], FloatArray] = {}
+    for i in range(n):
+        for kind, first in zip(_WAYS, range(6 * n + 2 + 9 * i, size, 3), strict=False):
+            out[kind, i] = eye[:, first : first + 3]
+        datum = eye[:, 3 * n + 3 * i : 3 * n + 3 * i + 3]
+        out[FROM_ZERO, i] = out["scaled", i] + datum * middle[i]
+    for kind in ("scaled", FROM_ZERO):
+        out[kind, None] = np.sum([out[kind, i] for i in range(n)], axis=0)
+    return [(*key, columns) for key, columns in out.items()]
 
 
 def _across(hinge: FloatArray) -> FloatArray:
@@ -324,7 +375,7 @@ def equations(
     Columns: δr (3n), d (3n), compliance lateral and vertical, E of each positioner (9n).
     """
     n, across, centre = len(hinge), _across(hinge), position.mean(axis=0)
-    m, ways = across.shape[2], np.concatenate(list(FRAMES.values()))
+    m, ways = across.shape[2], np.concatenate(list(_WAYS.values()))
     total = np.zeros((15 * n + 3, 15 * n + 3))
     for first in range(0, len(position), _CHUNK):
         p, F = position[first : first + _CHUNK], force[first : first + _CHUNK]

@@ -36,6 +36,13 @@ _DECLARED = {"m": 1.0, "mm": 1e-3, "um": 1e-6}
 _FOREIGN = {"cm": 1e-2, "inches": 0.0254}
 #: A terminal turned further than this from the BCS hints at exchanged names, rad.
 _TURNED = np.pi / 4
+#: Of what hinges that are off are told, by the finding of what explains the distances.
+_PLACES = {
+    "hinge-misplaced": "hinge",
+    "positions-offset": "servo",
+    "frame-scaled": "rescaled",
+    "scale-differs": "apart",
+}
 #: Names fit about as well where the hinges miss by so many times as much at most.
 _ALIKE = 3.0
 #: Digits, of a radian, in which two turns differ of which one is the smaller.
@@ -66,25 +73,24 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
     facts |= {} if other is None else other.turned(rig.supports)
     facts |= _farthest(rig, position)
     misplaced = [] if facts["fits"] or off <= limit else _misplaced(rig, position)
-    if not (facts["fits"] or misplaced):
+    if not (facts["fits"] or any(one.subject for one in misplaced)):
         check_size(rig, position)
     if off <= limit:
         raise DataError(Finding("terminal-overturned", values=facts))
-    for cause in reversed(misplaced):
-        facts["hinge" if cause.kind == "hinge" else "servo"] = rig.supports[cause.support or 0]
-        facts |= {
-            "by": float(np.linalg.norm(cause.amount)),
-            "more": bool(np.isinf(cause.std).any()),
-            "either": "hinge" in facts,
-        }
+    for found in reversed(misplaced):
+        whose = "".join(found.subject) or "all positioners"
+        facts = {**facts, **found.values, _PLACES[found.code]: whose}
+        facts |= {"by": found.size, "either": len(misplaced) > 1}
     raise DataError(Finding("hinges-off", size=off, unit="m", values=facts))
 
 
-def _misplaced(rig: Rig, position: FloatArray) -> list[geometry.Cause]:
+def _misplaced(rig: Rig, position: FloatArray) -> list[Finding]:
     """The hinges or positioners one of which explains the distances, the likeliest first."""
-    found = geometry.examine(rig, position, np.full(len(position), rig.declared.positioner**2))
-    told = found.explained and found.causes and found.causes[0].support is not None
-    return [cause for cause in found.causes if told and cause.support is not None]
+    variance = np.full(len(position), rig.declared.positioner**2)
+    found = geometry.examine(rig, position, variance, frames=True)
+    told = found.findings(rig.supports) if found.explained else ()
+    likeliest = [one.code in _PLACES for one in told[:1]]
+    return [one for one in told if one.code in _PLACES] if any(likeliest) else []
 
 
 def _farthest(rig: Rig, position: FloatArray) -> dict[str, Value]:

@@ -22,6 +22,8 @@ from tdfscal.records import BoolArray, FloatArray, IntArray
 _MANY: Final = 8
 #: Supports up to which all orders are tried, and all pairs of mistakes.
 _FEW: Final = 4
+#: Cosine of the angle by which a sensor that was turned by quarter turns may be turned besides.
+_QUARTERLY: Final = np.cos(np.pi / 8)
 #: Axes of positions, and of forces with whose they are where they are every sensor's.
 _PLACES: Final = ("X", "Y", "Z")
 _FORCES: Final = ("Fx", "Fy", "Fz")
@@ -49,6 +51,13 @@ class Wiring:
         """Whether only whole supports are exchanged."""
         same = np.arange(3) == self.source % 3
         return bool(same.all() and (self.sign > 0).all() and not np.ptp(self.source // 3, 1).any())
+
+    @property
+    def mounting(self) -> bool:
+        """Whether it only turns sensors, so that another mounting would look alike."""
+        axes = np.eye(3)[self.source % 3] * self.sign[..., None]
+        own = self.source // 3 == np.arange(len(self.source))[:, None]
+        return bool(own.all() and np.all(np.linalg.det(axes) > 0))
 
     def then(self, other: Wiring) -> Wiring:
         """Both: the other one is of channels that are read by this one."""
@@ -164,6 +173,28 @@ def rewired_axes(
     for turned, which in (*(([a], axes[a]) for a in range(3)), ([0, 1, 2], "every axis")):
         sign = np.where(own & np.isin(np.arange(3), turned), -1.0, 1.0)
         yield Wiring(f"the opposite sign of {which} of {name}", same, sign)
+
+
+def turned_axes(supports: tuple[str, ...], turns: FloatArray) -> Wiring | None:
+    """The axes of each sensor's readings that are what turns (n, 3, 3) make of them.
+
+    None where no sensor is turned by quarter turns, or one by anything else.
+    """
+    n, axis = len(supports), np.abs(turns).argmax(axis=2)
+    along = np.take_along_axis(turns, axis[..., None], axis=2)[..., 0]
+    if np.any(np.sort(axis) != np.arange(3)) or np.abs(along).min() < _QUARTERLY:
+        return None
+    sign = np.sign(along)
+    words = []
+    for name, order, own in zip(supports, axis, sign, strict=True):
+        read = [f"{'-' if s < 0 else ''}{'XYZ'[a]}" for a, s in zip(order, own, strict=True)]
+        opposite = " and ".join(_FORCES[a] for a in np.flatnonzero(own < 0))
+        if np.any(order != np.arange(3)):
+            words.append(f"the axes of {name} read as {', '.join(read)}")
+        elif opposite:
+            words.append(f"the opposite sign of {opposite} of {name}")
+    found = Wiring(", and ".join(words), 3 * np.arange(n)[:, None] + axis, sign)
+    return found if words else None
 
 
 def exchanged_channels(

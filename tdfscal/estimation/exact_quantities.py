@@ -241,11 +241,3 @@ def displaced_hinges(rig: Rig, cause: Cause) -> FloatArray | None:
     out = np.zeros((rig.n, 3))
     out[cause.support] = cause.amount
     return out
-
-
-def framed_positions(cause: Cause, position: FloatArray) -> FloatArray:
-    """What a wrong frame of a positioner adds to the logged positions (K, n, 3), m, BCS."""
-    out = np.zeros_like(position)
-    away = position[:, cause.support] - position[:, cause.support].mean(axis=0)
-    out[:, cause.support] = away @ np.tensordot(cause.amount, FRAMES[cause.kind], 1).T
-    return out

@@ -131,7 +131,7 @@ class Judged(Generic[F]):
             half: dict[str, Value] = {}
             if np.all(np.abs(along[i]) > np.cos(_FAR_TURNED)) and np.any(along[i] < 0):
                 half = {"turned": [self.rig.supports[i]], "signs": np.sign(along[i]).tolist()}
-            if turn > _FAR_TURNED:
+            if turn > _FAR_TURNED and self.observability.determined[i]:
                 name = self.rig.supports[i]
                 found.append(Finding("sensor-turned", (name,), turn, "rad", values=half))
         return found

@@ -8,6 +8,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from tdfscal.checks.faulty_sensors import exceeded_ranges
+from tdfscal.checks.geometry import FROM_ZERO
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.estimation.judged import holding
 from tdfscal.estimation.observability import ENOUGH, require_angles, verdict
@@ -107,7 +108,9 @@ def self_calibrate(
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
         doubts = _with_change(doubts, told)
         scaled = {doubt.support for doubt in doubts if doubt.kind == "vertical scale"}
-        echoes = (doubt.kind == "scaled" and doubt.support in scaled for doubt in placed)
+        echoes = (
+            doubt.kind in ("scaled", FROM_ZERO) and doubt.support in scaled for doubt in placed
+        )
         placed = tuple(doubt for doubt, echo in zip(placed, echoes, strict=True) if not echo)
         doubts = (*placed, *doubts)
     trials = None

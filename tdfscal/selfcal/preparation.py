@@ -15,7 +15,7 @@ import numpy as np
 from tdfscal.checks import faulty_sensors, log_against_rig
 from tdfscal.checks.geometry import Cause, examine
 from tdfscal.errors import DataError, RigError
-from tdfscal.estimation.exact_quantities import framed_positions, misplaced
+from tdfscal.estimation.exact_quantities import misplaced
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimate, quality
@@ -139,7 +139,7 @@ def misplaced_hinges(of: Estimate[Fit]) -> tuple[Suspicion, ...]:
 
     def framed(cause: Cause) -> FloatArray:
         logged = np.zeros_like(fit.postures.position)
-        logged[used] = framed_positions(cause, seen.position)
+        logged[used] = cause.added(seen.position)
         by_place = fit.slopes[:, :, layout(fit.rig.n, fit.state.motions)["datum"]]
         white = by_place @ logged.reshape(len(logged), -1, 1)
         return np.asarray(white.ravel())
@@ -267,6 +267,7 @@ def misread(
     }
     if mistake.wiring is not None:
         values |= {"exchange": mistake.wiring.words, **mistake.wiring.turned(rig.supports)}
+        values["check"] = check and mistake.wiring.mounting
         return DataError(Finding("forces-exchanged", values=values))
     subject = (rig.supports[mistake.support],)
     if rests is None or found.jump is None:

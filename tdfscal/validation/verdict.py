@@ -14,18 +14,21 @@ from typing import Literal
 import numpy as np
 from scipy import special
 
+from tdfscal.checks.wiring import turned_axes
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated, informed, loosened, redrawn
-from tdfscal.model.parameters import layout, prior_std, starting_state
+from tdfscal.model.parameters import State, layout, prior_std, starting_state
 from tdfscal.model.postures import Postures, Rests
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import fit
-from tdfscal.selfcal.misreadings import misreading
+from tdfscal.selfcal.estimator import Fit, at_state, fit, spread
+from tdfscal.selfcal.misreadings import Misreading, Mistake, misreading
+from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.preparation import misread
 from tdfscal.significance import (
+    BETTER,
     CAUSES_APART,
     DETECTION_POWER,
     MOST_POSTURES,
@@ -329,7 +332,9 @@ def refuse_misread(
     if rests is not None:
         rests = Rests(rests.number[some], rests.time[some])
     known = loosened(informed(rig, given))
-    present = fit(known, seen, starting_state(known, seen.motions))
+    start = starting_state(known, seen.motions)
+    present = fit(known, seen, start)
+    _refuse_turned(known, seen, start, present)
     found = misreading(known, seen, present, rests)
     if found is None:
         return
@@ -348,3 +353,20 @@ def refuse_misread(
         ):
             return
     raise misread(known, found, present, rests, check=True)
+
+
+def _refuse_turned(known: Rig, seen: Postures, start: State, present: Fit) -> None:
+    """Raise DataError where sensors turned by quarter turns explain what they do not as mounted.
+
+    Who mounted none anew has axes of the opposite sign, or exchanged; a fit about the calibrated
+    mounting, `start`, does not find its way so far: all mountings are searched.
+    """
+    if spread(present.distance, present.at.rows) >= BETTER:
+        present = best_start(known, seen)
+    turns = np.swapaxes(start.rotation, 1, 2) @ present.state.rotation
+    if (other := turned_axes(known.supports, turns)) is None:
+        return
+    found = Misreading(Mistake(other), fit(known, other.postures(seen), start))
+    if found.misfit < BETTER:
+        mounted = at_state(known, seen, start, np.ones(len(seen)))
+        raise misread(known, found, mounted, check=True)

@@ -149,3 +149,19 @@ def test_a_frame_is_blamed_only_where_distances_agree_on_average() -> None:
         found = replace(case, position=place).examined(frames=True)
         assert found.causes[0].kind == kind
         assert found.causes[0].support == (2 if kind == "turned" else 1)
+
+
+@pytest.mark.parametrize(("whose", "axes"), [(None, [2]), (1, [0, 1, 2])])
+def test_coordinates_out_of_scale_are_named_with_the_line_to_write(
+    whose: int | None, axes: list[int]
+) -> None:
+    """The heights of all positioners, which bend no distance on average; and all axes of one."""
+    case = seen(np.random.default_rng(10), tilt=0.1)
+    place = case.position + np.array([0.4, -0.3, 1.0])
+    place[:, slice(None) if whose is None else [whose], axes] *= 1.005
+    found = replace(case, position=place).examined(frames=True)
+    assert (found.causes[0].kind, found.causes[0].support) == ("scaled from zero", whose)
+    values = found.findings(case.rig.supports)[0].values
+    assert values["turned"] == ["<each>" if whose is None else "ncp2"]
+    right = np.where(np.isin(np.arange(3), axes), 1 / 1.005, 1.0)
+    assert values["signs"] == pytest.approx(right, abs=4 * found.causes[0].std.max())

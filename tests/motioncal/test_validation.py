@@ -71,6 +71,7 @@ def test_an_unchanged_rig_is_still_valid() -> None:
     ("matrix", "exchange"),
     [
         (np.diag([-1.0, 1.0, 1.0]), "the opposite sign of Fx of ncp2"),
+        (np.diag([-1.0, -1.0, 1.0]), "the opposite sign of Fx and Fy of ncp2"),
         (np.eye(3)[[1, 0, 2]], "Fx and Fy of ncp2 exchanged"),
     ],
 )

@@ -77,6 +77,14 @@ def test_two_load_cells_are_started_in_the_lowest_minimum() -> None:
         assert result.cost < chi2_quantile(1 - 1e-6, result.dof)
 
 
+def test_a_turn_that_the_data_do_not_determine_is_not_told() -> None:
+    rig = lacking((2, 0), (2, 1))
+    dwells = simulation.simulate_dwells(rig, OPTIONS, np.random.default_rng(1), 40).dwells(12)
+    result = fitted(rig, dwells)
+    assert np.linalg.norm(so3.log(result.fit.state.rotation[2])) > np.pi / 8
+    assert "sensor-turned" not in [found.code for found in result.findings]
+
+
 def test_load_cells_alone_determine_nothing() -> None:
     """Every balance of theirs has a free force in it: there is no row left to fit."""
     rig = lacking(*product(range(4), (0, 1)), n=4)

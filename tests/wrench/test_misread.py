@@ -37,7 +37,7 @@ def exchanged(*pairs: tuple[tuple[int, int], tuple[int, int]]) -> Callable[[Floa
 
 
 def scaled(
-    factor: float, sensor: int, axis: int | slice = slice(None)
+    factor: float | FloatArray, sensor: int, axis: int | slice = slice(None)
 ) -> Callable[[FloatArray], None]:
     def change(force: FloatArray) -> None:
         force[:, sensor, axis] *= factor
@@ -49,6 +49,10 @@ MISTAKES = {
     "channels": (exchanged(((0, 0), (1, 0))), "Fx of ncp1 and Fx of ncp2 exchanged"),
     "axes": (exchanged(((1, 0), (1, 1))), "Fx and Fy of ncp2 exchanged"),
     "sign": (scaled(-1.0, 2, 1), "the opposite sign of Fy of ncp3"),
+    "half a turn": (
+        scaled(np.array([-1.0, 1.0, -1.0]), 0),
+        "the opposite sign of Fx and Fz of ncp1",
+    ),
     "unit": (scaled(1 / 9.80665, 0), "kgf"),
 }
 
