@@ -42,9 +42,8 @@ class LowPass:
 
     def __init__(self, cutoff: float | None, interval: float) -> None:
         self._coefficients = None if cutoff is None else _butterworth(cutoff * interval)
-        self._longest = _GAP * interval
+        self._longest, self._begins = _GAP * interval, 2.0 / (cutoff or np.inf)
         self._state: FloatArray | None = None
-        self._begins = 0.0 if cutoff is None else 2.0 / cutoff
         self._ready = self._end = -np.inf
 
     def __call__(self, time: FloatArray, value: FloatArray) -> FloatArray:
@@ -54,7 +53,7 @@ class LowPass:
         """
         if self._coefficients is None or not len(value):
             return value
-        from scipy.signal import lfilter  # slow to import
+        from scipy.signal import lfilter, lfilter_zi  # slow to import
 
         b, a = self._coefficients
         out = np.empty_like(value)
@@ -63,9 +62,7 @@ class LowPass:
             if first == last:
                 continue
             if first in cuts or self._state is None:
-                # Of a constant 1 the output is 1 at once.
-                settled = np.array([1.0 - b[0], b[2] - a[2]])
-                self._state = settled[:, None] * value[first]
+                self._state = lfilter_zi(b, a)[:, None] * value[first]
                 self._ready = float(time[first]) + self._begins
             out[first:last], self._state = lfilter(b, a, value[first:last], 0, self._state)
         self._end = float(time[-1])
@@ -74,14 +71,11 @@ class LowPass:
 
 
 def _butterworth(share: float) -> tuple[FloatArray, FloatArray]:
-    """Numerator and denominator of the filter, its cut-off as a share of the sampling rate.
+    """Numerator and denominator of the filter, its cut-off as a share of the sampling rate."""
+    from scipy.signal import butter  # slow to import
 
-    The bilinear transform of 1 / (s² + √2 s + 1).
-    """
-    k = np.tan(np.pi * share)
-    norm = 1.0 + np.sqrt(2.0) * k + k**2
-    b = k**2 / norm * np.array([1.0, 2.0, 1.0])
-    return b, np.array([1.0, 2.0 * (k**2 - 1.0) / norm, (1.0 - np.sqrt(2.0) * k + k**2) / norm])
+    b, a = butter(2, 2.0 * share)
+    return b, a
 
 
 def _filtered(value: FloatArray, share: float) -> FloatArray:

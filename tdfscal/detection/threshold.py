@@ -26,7 +26,7 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import eigh_tridiagonal
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray
@@ -38,9 +38,8 @@ _ACROSS = np.linspace(-8.5, 8.5, 681)
 _ALIKE = 0.02
 #: Share of the variance along the path that is left out with the least of its modes.
 _LEFT_OUT = 1e-4
-#: Steps that close in on a threshold, and how close in its probability is close.
-_STEPS, _CLOSE = 40, 2e-3
-_HALVES = 60
+#: How close a threshold is come to, in standard deviations.
+_CLOSE = 1e-4
 
 
 @record
@@ -95,26 +94,18 @@ class Watch:
         total = float(np.hypot(self.places.std.max(), self.noise.std))
         if total == 0.0:
             return 0.0
-        chance = _Chance.of(self, total)
-        level, wanted = [total, 2.0 * total], float(np.log(probability))
-        value = [_log(chance(each)) - wanted for each in level]
-        while value[1] > 0.0:
-            level, value = [level[1], 1.5 * level[1]], [value[1], 0.0]
-            value[1] = _log(chance(level[1])) - wanted
-        if value[0] < 0.0:
-            level, value = [0.0, level[0]], [-wanted, value[0]]
-        last, middle = -1, level[1]
-        for _ in range(_STEPS):  # regula falsi, Illinois: ln P is nearly straight
-            share = value[0] / (value[0] - value[1])
-            middle = level[0] + share * (level[1] - level[0])
-            found = _log(chance(middle)) - wanted
-            if abs(found) <= _CLOSE:
-                return middle
-            side = int(found < 0.0)
-            if side == last:
-                value[1 - side] /= 2.0
-            level[side], value[side], last = middle, found, side
-        return middle
+        from scipy.optimize import brentq  # slow to import, seldom needed
+
+        chance, wanted = _Chance.of(self, total), float(np.log(probability))
+
+        def excess(level: float) -> float:
+            """What ln P, nearly straight, has above the one that is wanted; it is 0 at 0."""
+            return (np.log(max(chance(level), 1e-300)) if level else 0.0) - wanted
+
+        high = 2.0 * total
+        while excess(high) > 0.0:
+            high *= 1.5
+        return float(brentq(excess, 0.0, high, xtol=_CLOSE * total))
 
     def smallest_contact(self, threshold: float, probability: float) -> float:
         """Return the contact that exceeds a threshold with this probability at any time.
@@ -124,16 +115,13 @@ class Watch:
         std = np.hypot(self.places.std, self.noise.std)
         if not std.max() > 0.0:
             return threshold
-        low, high = threshold - 9.0 * std.max(), threshold + 9.0 * std.max()
-        for _ in range(_HALVES):
-            middle = 0.5 * (low + high)
-            up, down = (ndtr((sign * middle - threshold) / np.maximum(std, 1e-300))
-                        for sign in (1.0, -1.0))  # fmt: skip
-            if float(self.places.share @ (up + down)) < probability:
-                low = middle
-            else:
-                high = middle
-        return float(high)
+        from scipy.optimize import brentq  # slow to import, seldom needed
+
+        def excess(contact: float) -> float:
+            above = (np.array([[contact], [-contact]]) - threshold) / np.maximum(std, 1e-300)
+            return float(self.places.share @ ndtr(above).sum(axis=0)) - probability
+
+        return float(brentq(excess, 0.0, threshold + 9.0 * std.max())) if excess(0.0) < 0 else 0.0
 
 
 @record
@@ -149,8 +137,8 @@ class _Chance:
     @classmethod
     def of(cls, watch: Watch, total: float) -> _Chance:
         noise, std = watch.noise, watch.places.std
-        if noise.std <= 1e-6 * total:  # hardly any: it serves to smooth a step
-            noise = Noise(1e-3 * total, 0.0, 0.0, 1.0, max(watch.duration, 1e-9))
+        if noise.std <= 1e-6 * total:  # hardly any: half a step of `_ACROSS` smooths the stairs
+            noise = Noise(1.5e-2 * total, 0.0, 0.0, 1.0, np.inf)
         factor = watch.places.factor
         unit = np.zeros_like(factor)
         unit[:, 0] = 1.0
@@ -190,15 +178,6 @@ class _Chance:
         """Rate on both sides, 1/s, and what it begins with, with so much on the wrench."""
         low, high = self.table.at(threshold - there), self.table.at(threshold + there)
         return low[0] + high[0], low[1] + high[1]
-
-
-def _log(probability: float) -> float:
-    return float(np.log(max(probability, 1e-300)))
-
-
-def quantile(probability: float) -> float:
-    """Quantile of the standard normal distribution."""
-    return float(ndtri(probability))
 
 
 _NODE, _WEIGHT = np.polynomial.legendre.leggauss(24)

@@ -33,7 +33,7 @@ def test_a_calibration_alone_gives_the_normal_quantile(probability: float) -> No
     factor = np.full((5, 1), 3.0)
     watch = Watch(Places.of(factor, np.ones(5), 0.0), NONE, 100.0)
     expected = -3.0 * ndtri(probability / 2.0)
-    assert watch.threshold(probability) == pytest.approx(expected, rel=3e-3)
+    assert watch.threshold(probability) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize(
