@@ -21,7 +21,7 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.postures import postures as at_rest
 from tdfscal.model.postures import register
-from tdfscal.planning.candidates import Limits, Objective, Request
+from tdfscal.planning.candidates import Limits, Request
 from tdfscal.planning.motion import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Plan, make_plan
 from tdfscal.planning.predicted_information import scatter_of
@@ -119,9 +119,6 @@ Noise = Annotated[
         least=0,
     ),
 ]
-Aim = Annotated[
-    Objective, Option("what to know best: the angles, or the wrench at acceptance.contact.rpy")
-]
 Duration = Annotated[float, Option("of the motion, s", metavar="S", least=20, below=3601)]
 Speed = Annotated[
     float, Option("largest speed of a hinge in motion, m/s", metavar="M/S", least=1e-6)
@@ -142,7 +139,6 @@ def plan(
     home: Home = None,
     stiffness: Stiffness = None,
     noise: Noise = None,
-    objective: Aim = "angles",
     motion: Annotated[bool, Option("plan a motion without a stop, not postures")] = False,
     duration: Duration = 60.0,
     speed: Speed = 0.02,
@@ -154,8 +150,8 @@ def plan(
     ------
     UsageError, RigError, DataError, NotIdentifiableError
     """
-    if motion and (postures, target, objective) != (None, None, "angles"):
-        what = "--postures, --target and --objective are of postures"
+    if motion and (postures, target) != (None, None):
+        what = "--postures and --target are of postures"
         raise UsageError(what, where="--motion", hint="leave them out, or plan postures")
     if postures is not None and target is not None:
         what = "--postures and --target ask for two different things"
@@ -172,7 +168,7 @@ def plan(
         found = plan_motion(known.rig, moving, np.random.default_rng(0))
     else:
         own = _noise(known.rig, seen) if noise is None else noise
-        request = Request(limits, own, objective=objective)
+        request = Request(limits, own)
         found = make_plan(
             known.rig,
             request,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from tdfscal.errors import UsageError
@@ -48,9 +46,6 @@ class Limits:
         return (self.stiffness or 0.0) * rig.declared.positioner
 
 
-Objective = Literal["angles", "wrench"]
-
-
 @record
 class Request:
     """What is asked for.
@@ -62,7 +57,6 @@ class Request:
     limits: Limits
     noise: float = 1.0
     candidates: int = 2000
-    objective: Objective = "angles"
 
 
 def check_noise(rig: Rig, noise: float) -> None:

@@ -20,10 +20,8 @@ from tdfscal.planning.predicted_information import (
     angle_rows,
     contact_excess,
     forecast,
-    hinge_radius,
     information,
     variances,
-    wrench_rows,
 )
 from tdfscal.records import ANGLES, BoolArray, FloatArray, IntArray, Rig
 
@@ -55,8 +53,6 @@ class Plan:
 
 #: Postures of a usual plan, and most that a target may ask for.
 USUAL, _MOST = 24, 400
-#: An objective that follows the width of ignorance by more than this share is not measured.
-_FOLLOWS = 1e-2
 #: Rounds of exchange at most.
 _SWEEPS = 12
 #: A swap must lower the objective by this share, or rounding would swap for ever.
@@ -79,7 +75,8 @@ class Planner:
         # Information (p, p) to expect per posture of internal forces that nobody plans.
         self.scatter = self.sight.scatter(some, request.limits).mean(axis=0)
         self.sight = replace(self.sight, open=self._open())
-        self.objective = self._objective()
+        # L (r, p) with tr(L C Lᵀ) the mean variance of the angles.
+        self.objective = angle_rows(self.sight) / np.sqrt(3 * rig.n)
         self.most = min(_MOST, len(self.pool))
         self._selected: dict[int, IntArray] = {}
 
@@ -97,23 +94,11 @@ class Planner:
         limit, prior = self.rig.acceptance.identifiable, PRIOR_SHARE * self.rig.rpy_std
         return np.asarray((std >= limit) | (std > prior))
 
-    def _objective(self) -> FloatArray:
-        """L (r, p) with tr(L C Lᵀ) the mean variance of the angles, or of the contact wrench.
-
-        Moments count by the force that makes them at the hinges.
-        """
-        if self.request.objective == "angles":
-            L = angle_rows(self.sight)
-        else:
-            L = wrench_rows(self.sight, self.rig.acceptance.contact_rpy)
-            L[3:] /= hinge_radius(self.rig)
-        return np.asarray(L / np.sqrt(len(L)))
-
     def select(self, count: int) -> IntArray:
         """Choose `count` candidates, the one that tells most first."""
-        if count > len(self.pool):
+        if not 0 < count <= len(self.pool):
             what = f"{count} postures are to be chosen from {len(self.pool)} candidates"
-            raise UsageError(what, hint="ask for fewer postures")
+            raise UsageError(what, hint="ask for fewer postures, for one at least")
         if count not in self._selected:
             base = self.held + count * self.scatter
             chosen, covariance = choose(self.rows, base, self.objective, count)
@@ -124,8 +109,7 @@ class Planner:
     def forecast(self, postures: Candidates) -> Forecast:
         """Uncertainty to expect of postures, with what is held already."""
         stated = self.rig.acceptance
-        wanted = self.request.objective == "wrench" or stated.states_contact
-        at = stated.contact_rpy if wanted else None
+        at = stated.contact_rpy if stated.states_contact else None
         return forecast(self.sight, postures, self.request.limits, self.held, at)
 
     def fewest(
@@ -145,33 +129,22 @@ class Planner:
 
     def plan(self, count: int) -> Plan:
         """Choose, order and judge."""
-        if count < 1:
-            raise UsageError(f"{count} postures are asked for", hint="ask for one or more")
         chosen = self.pool.take(self.select(count))
         postures = chosen.take(short_tour(chosen.place))
         expected = self.forecast(postures)
-        self._refuse_unobservable(postures, expected)
-        return Plan(
-            rig=self.rig,
-            request=self.request,
-            postures=postures,
-            approach=1 - 2 * (np.arange(count) % 2),
-            expected=expected,
-        )
+        self._refuse_unobservable(expected, count)
+        approach = 1 - 2 * (np.arange(count) % 2)
+        return Plan(self.rig, self.request, postures, approach, expected)
 
-    def _refuse_unobservable(self, postures: Candidates, expected: Forecast) -> None:
-        """Raise NotIdentifiableError where the best of plans does not reach the objective."""
-        if self.request.objective == "wrench":
-            self._refuse_unmeasured(postures)
-            return
+    def _refuse_unobservable(self, expected: Forecast, count: int) -> None:
+        """Raise NotIdentifiableError where the best of plans leaves an angle open."""
         weak, known = self._weak(expected.rpy_std), np.isfinite(expected.rpy_std)
         if not weak.any():
             return
         open_, told = (", ".join(self._named(which)) for which in (weak, ~weak & known))
         raise NotIdentifiableError(
-            f"within these limits {len(postures)} postures do not determine {open_}; they do "
-            f"determine {told or 'no angle'}",
-            where="objective angles",
+            f"within these limits {count} postures do not determine {open_}; they do determine "
+            f"{told or 'no angle'}",
             hint="allow a larger squeeze, tilt more, or drive more postures",
         )
 
@@ -181,22 +154,6 @@ class Planner:
             if row.any():
                 angles = (a for a, told in zip(ANGLES, row, strict=True) if told)
                 yield f"{' and '.join(angles)} of {name}"
-
-    def _refuse_unmeasured(self, postures: Candidates) -> None:
-        """Raise where the wrench's variance is what ignorance was taken to be."""
-        seen = information(self.sight.rows(postures))
-        seen += self.sight.scatter(postures, self.request.limits).sum(axis=0)
-        value, wider = (
-            objective(inverse(sight.prior() + seen), self.objective)
-            for sight in (self.sight, replace(self.sight, wide=2.0 * self.sight.wide))
-        )
-        if wider > value * (1 + _FOLLOWS):
-            raise NotIdentifiableError(
-                f"within these limits {len(postures)} postures do not determine the contact "
-                "wrench at the assembly posture",
-                where="objective wrench",
-                hint="drive more postures, tare the sensors, or weigh the terminal",
-            )
 
 
 def make_plan(
@@ -216,8 +173,8 @@ def make_plan(
 
     Raises
     ------
-    UsageError : infeasible limits. NotIdentifiableError : the objective stays unobservable, or no
-        number of postures gets to the target.
+    UsageError : infeasible limits. NotIdentifiableError : an angle stays open, or no number of
+        postures gets to the target.
     """
     planner = Planner(rig, request, rng)
     if postures is None and target is not None:

@@ -152,11 +152,6 @@ def contact_excess(rig: Rig, of: Forecast) -> float:
     return max(each, default=0.0)
 
 
-def hinge_radius(rig: Rig) -> float:
-    """Mean distance of the hinges from their middle, m."""
-    return float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
-
-
 def angle_rows(sight: Sight) -> FloatArray:
     """Rows (3n, p) of roll, pitch, yaw of every sensor by the free parameters, rad.
 

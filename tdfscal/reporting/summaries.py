@@ -269,7 +269,7 @@ def plan_document(plan: Plan | MovingPlan, path: Path | None) -> dict[str, Any]:
         own = "used duration=request.duration"
         more = {"frequency": plan.motion.line / plan.request.duration}
     else:
-        own = "position approach objective=request.objective squeeze=postures.squeeze"
+        own = "position approach squeeze=postures.squeeze"
         more = {"postures": len(plan)}
     return layout.document(
         plan,

@@ -51,13 +51,6 @@ def test_a_simulated_campaign_confirms_the_forecast(reference: Plan) -> None:
     assert scatter < 0.1 / 3
 
 
-def touching(roll: float) -> Rig:
-    """The reference rig, whose contact matters at a roll, rad."""
-    rig = reference_rig()
-    limits = {"contact_rpy": (roll, 0.0, 0.0), "contact_force": 5.0, "contact_torque": 3.0}
-    return replace(rig, acceptance=replace(rig.acceptance, **limits))  # type: ignore[arg-type]
-
-
 @pytest.mark.slow
 def test_what_stays_unobservable_is_refused() -> None:
     rig = reference_rig()
@@ -70,10 +63,6 @@ def test_what_stays_unobservable_is_refused() -> None:
     ):
         with pytest.raises(NotIdentifiableError, match=said):
             make_plan(rig, Request(bounds, candidates=50), 4, RNG(8))
-    unknown = replace(touching(0.3), zero=replace(rig.zero, std=np.full((3, 3), np.inf)))
-    request = Request(flat, candidates=50, objective="wrench")
-    with pytest.raises(NotIdentifiableError, match="contact wrench"):
-        make_plan(unknown, request, 4, RNG(8))
 
 
 def test_impossible_requests_are_refused() -> None:
