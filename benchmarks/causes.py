@@ -22,8 +22,7 @@ from benchmarks.frame import declaring, flicker, heads, numbers, show, tally
 from tdfscal.errors import TdfscalError
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import Faults, Options, ZeroShift, reference_rig, simulate_dwells
 from tdfscal.simulation.faults import Contact, Crosstalk, Drift, Gain, Slip, Walk, Warming
 from tdfscal.validation.residual_wrench import validate

@@ -34,8 +34,7 @@ from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.significance import GEOMETRY_MISFIT
 from tdfscal.simulation import Options, Recorder
 from tdfscal.simulation.moving_campaign import draw_field, simulate_moving

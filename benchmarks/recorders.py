@@ -44,8 +44,7 @@ from tdfscal.records import (
     Series,
     UncertainValue,
 )
-from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import MOVING, Options, Recorder, Run, reference_rig, run
 from tests.cli.apart import Apart, recorded_apart, write_apart
 

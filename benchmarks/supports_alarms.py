@@ -21,8 +21,7 @@ from benchmarks.frame import lacking, numbers, show, tally
 from tdfscal import simulation
 from tdfscal.dwells import find_dwells
 from tdfscal.records import Drift, Dwells, Rig
-from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.significance import MISFIT
 from tdfscal.simulation import Options, Recorder
 

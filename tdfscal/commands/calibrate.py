@@ -35,8 +35,7 @@ from tdfscal.findings import Finding
 from tdfscal.motioncal.preparation import with_moves
 from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, Rig
-from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.selfcal.result import Estimator, SelfCalibration
+from tdfscal.selfcal.pipeline import Estimator, SelfCalibration, self_calibrate
 
 if TYPE_CHECKING:
     from tdfscal.motioncal.pipeline import MotionCalibration

@@ -42,9 +42,8 @@ from tdfscal.model.parameters import layout, parameter_count
 from tdfscal.records import Measured, Rig
 from tdfscal.reporting.history import finding as alarm_finding
 from tdfscal.reporting.layout import short
-from tdfscal.selfcal.pipeline import self_calibrate
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.selfcal.preparation import usable_postures
-from tdfscal.selfcal.result import SelfCalibration
 from tdfscal.significance import MOST_REJECTED
 
 #: Reasons of the gate that say how badly a campaign fits, not why.

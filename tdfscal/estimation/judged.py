@@ -26,7 +26,7 @@ from tdfscal.model.parameters import nominal
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo
 from tdfscal.numerics.least_squares import ask
-from tdfscal.records import FloatArray, Rig, Rotations
+from tdfscal.records import Dwells, FloatArray, Rig, Rotations
 
 #: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
 _FAR_TURNED = np.pi / 8
@@ -135,6 +135,21 @@ class Judged(Generic[F]):
                 name = self.rig.supports[i]
                 found.append(Finding("sensor-turned", (name,), turn, "rad", values=half))
         return found
+
+
+@record
+class Undetermined:
+    """An estimate whose angles do not stand, and what can be looked at beside them.
+
+    of : all dwells that were found, or s of a motion that were used. rejected : dwell index →
+    reason, or stretches of the motion that were left out.
+    """
+
+    rig: Rig
+    quality: Quality
+    observability: Observability
+    of: Dwells | float
+    rejected: Any
 
 
 def holding(known: Estimate[F], *groups: tuple[Suspicion, ...]) -> Estimate[F]:

@@ -9,10 +9,10 @@ import numpy as np
 from tdfscal.checks import log_against_rig
 from tdfscal.checks.geometry import Geometry, examine
 from tdfscal.estimation.exact_quantities import misplaced
-from tdfscal.estimation.judged import Judged, holding
-from tdfscal.estimation.observability import Observability, require_angles, verdict
+from tdfscal.estimation.judged import Judged, Undetermined, holding
+from tdfscal.estimation.observability import require_angles, verdict
 from tdfscal.estimation.score_tests import Suspicion, likeliest
-from tdfscal.estimation.uncertainty import Quality, estimate
+from tdfscal.estimation.uncertainty import estimate
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.dynamics import PARAMETERS, RATE
@@ -74,20 +74,6 @@ class MotionCalibration(Judged[MovingFit]):
         """Whether the log tells the rate of its clocks, beside what is known of clocks."""
         std = self.moving_std[RATE]
         return bool(0 < std <= _TOLD * self.fit.priors.std[RATE])
-
-
-@record
-class UndeterminedMotion:
-    """A motion whose angles do not stand, and what can be looked at beside them.
-
-    seconds : of the log that were used. rejected : stretches left out, with their reasons.
-    """
-
-    rig: Rig
-    seconds: float
-    rejected: tuple[Stretch, ...]
-    quality: Quality
-    observability: Observability
 
 
 def calibrate_moving(
@@ -156,7 +142,7 @@ def _judged(
     used = balance(moments(rig, slow, keep), still, still.barycentre, rig.gravity).seen
     known = estimate(fit)
     seen = verdict(rig, still, used, known.uncertainty.covariance, moving=True)
-    evidence = UndeterminedMotion(rig, float(keep.sum() * slow.step), rejected, known.quality, seen)
+    evidence = Undetermined(rig, known.quality, seen, float(keep.sum() * slow.step), rejected)
     require_angles(seen, fit.converged, fit.iterations, evidence, moving=True)
     doubts: tuple[Suspicion, ...] = ()
     placed = misplaced(known, _geometry(fit, used))

@@ -27,7 +27,7 @@ from tdfscal.reporting.headline import (
     within,
 )
 from tdfscal.reporting.traceability import expired, not_whole
-from tdfscal.selfcal.result import HARDER
+from tdfscal.selfcal.estimator import HARDER
 from tdfscal.significance import MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.

@@ -10,18 +10,15 @@ from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import rounded
 from tdfscal.catalogue.numbers import when as at
 from tdfscal.errors import NotConvergedError, TdfscalError
+from tdfscal.estimation.judged import Undetermined
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.frozen import record, replace
-from tdfscal.motioncal.pipeline import UndeterminedMotion
 from tdfscal.records import InputFile
 from tdfscal.reporting import layout
 from tdfscal.reporting.figures import Drawing
 from tdfscal.reporting.layout import Facts, Items, Report, Section
 from tdfscal.reporting.traceability import Making, campaign, day_measured, stated_facts
-from tdfscal.selfcal.result import Undetermined
-
-Seen = Undetermined | UndeterminedMotion
 
 
 @record
@@ -41,10 +38,10 @@ class Attempt:
     measured: MeasuredResult | None = None
 
     @property
-    def seen(self) -> Seen | None:
+    def seen(self) -> Undetermined | None:
         """What there is to be looked at."""
         found = self.error.evidence
-        return found if isinstance(found, Undetermined | UndeterminedMotion) else None
+        return found if isinstance(found, Undetermined) else None
 
 
 def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
@@ -101,7 +98,7 @@ def _advice(attempt: Attempt) -> Iterator[str]:
     yield from (begun(text, ".") for text in (own, *others) if text)
 
 
-def _turns(seen: Seen) -> tuple[Items, ...]:
+def _turns(seen: Undetermined) -> tuple[Items, ...]:
     """What each weak turn lacks."""
     causes: dict[str, list[str]] = {}
     for weakness in seen.observability.weak:
@@ -109,18 +106,18 @@ def _turns(seen: Seen) -> tuple[Items, ...]:
     return layout.listed("", (f"{', '.join(names)}: {cause}" for cause, names in causes.items()))
 
 
-def _evidence(seen: Seen | None) -> Iterator[Section]:
+def _evidence(seen: Undetermined | None) -> Iterator[Section]:
     """What was used and left out, and how well it fits."""
     if seen is None:
         return
-    q, moving = seen.quality, isinstance(seen, UndeterminedMotion)
-    if isinstance(seen, UndeterminedMotion):
-        used = ("Motion", f"{seen.seconds:.0f} s of the log used")
+    q, moving = seen.quality, isinstance(seen.of, float)
+    if isinstance(seen.of, float):
+        used = ("Motion", f"{seen.of:.0f} s of the log used")
         left_out = layout.stretches(seen.rejected)
     else:
-        total = len(seen.dwells)
+        total = len(seen.of)
         used = ("Postures", f"{total - len(seen.rejected)} of {total} in the fit")
-        rests = (f"from {at(s.start)}: {sentence(s.reason)}" for s in seen.dwells.left_out)
+        rests = (f"from {at(s.start)}: {sentence(s.reason)}" for s in seen.of.left_out)
         left_out = (*layout.rejected(seen.rejected), *rests)
     fit = "no residual is left to judge it by"
     if q.dof > 0:

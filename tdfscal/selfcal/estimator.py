@@ -13,8 +13,9 @@ from functools import cached_property
 import numpy as np
 
 from tdfscal.estimation.fit import Fitted, Priors, solve
-from tdfscal.estimation.observability import noise_pull
-from tdfscal.frozen import record
+from tdfscal.estimation.observability import Prospect, noise_pull, prospect
+from tdfscal.estimation.uncertainty import Estimate
+from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import pinned
 from tdfscal.model.parameters import State, deviation, retract, sensing, with_motions
 from tdfscal.model.statics import (
@@ -23,6 +24,7 @@ from tdfscal.model.statics import (
     balance,
     features,
     features_jacobian,
+    internal_part,
 )
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
@@ -32,7 +34,8 @@ from tdfscal.numerics.least_squares import (
     block_diagonal,
     triangular,
 )
-from tdfscal.records import FloatArray, IntArray, Rig
+from tdfscal.records import FloatArray, IntArray, Rig, UncertainValue
+from tdfscal.significance import OF_CAPACITY
 
 #: Largest change of any parameter, in whitened units, at which re-linearising has converged.
 _SETTLED = 1e-6
@@ -277,3 +280,39 @@ def worth(one: Fit, other: Fit, unknowns: int, weight: FloatArray | float = 1.0)
 
     cost = unknowns * float(np.log(max(one.rows, 2)))
     return deviance(one, 1.0) - deviance(other, weight) - cost
+
+
+#: Postures that a campaign is easily given besides; N, what a tare just before it leaves.
+_MORE, _TARED = 5.0, 0.1
+#: How much harder it is squeezed.
+HARDER = 2.0
+
+
+def prospects(of: Estimate[Fit]) -> tuple[Prospect, ...]:
+    """What a few postures more, a harder squeeze, or a tare just before would bring."""
+    fit, rig = of.fit, of.fit.rig
+    used = int((fit.weight > 0).sum())
+    found = [prospect(of, "postures", _MORE, count=(used + _MORE) / used)]
+    if (squeezed := _squeezed(fit)) is not None:
+        size, harder = squeezed
+        found.append(prospect(of, "squeeze", size, rows=harder.factor))
+    if np.any(rig.zero.std > 2 * _TARED):
+        zero = UncertainValue(rig.zero.value, np.minimum(rig.zero.std, _TARED))
+        tared = Priors(replace(rig, zero=zero), fit.postures.motion)(fit.state)[1]
+        found.append(prospect(of, "tare", _TARED, priors=tared))
+    return tuple(found)
+
+
+def _squeezed(fit: Fit) -> tuple[float, Fit] | None:
+    """The same postures with larger internal forces; None where a sensor would be full."""
+    seen, M = fit.postures, sensing(fit.state)
+    force = np.einsum("nab,knb->kna", M, seen.force - fit.state.zero)
+    arm = seen.position - fit.state.datum
+    inside = internal_part(arm - arm.mean(axis=1, keepdims=True), force)
+    more = np.einsum("nab,knb->kna", np.linalg.inv(M), (HARDER - 1.0) * inside)
+    reading = np.where(seen.measured, seen.force + more, 0.0)
+    if not np.all(seen.measured) or np.any(np.abs(reading) > OF_CAPACITY * fit.rig.capacity):
+        return None
+    size = HARDER * float(np.median(np.linalg.norm(inside, axis=2).max(axis=1)))
+    harder = replace(seen, force=reading)
+    return size, at_state(fit.rig, harder, fit.state, fit.weight)

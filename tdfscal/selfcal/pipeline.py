@@ -1,16 +1,19 @@
-"""Self-calibration from dwells to a judged result: the steps in their order, nothing else."""
+"""Self-calibration from dwells to a judged result: the steps in their order."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property, partial
+from typing import Literal
 
 import numpy as np
 
+from tdfscal.checks import log_against_rig
 from tdfscal.checks.faulty_sensors import exceeded_ranges
 from tdfscal.checks.geometry import FROM_ZERO
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
-from tdfscal.estimation.judged import holding
+from tdfscal.estimation.exact_quantities import exact_caveats
+from tdfscal.estimation.judged import HeldOut, Judged, Undetermined, holding
 from tdfscal.estimation.observability import ENOUGH, require_angles, verdict
 from tdfscal.estimation.score_tests import PARABOLAS, Suspicion, likeliest
 from tdfscal.estimation.uncertainty import Estimate, estimate
@@ -21,7 +24,7 @@ from tdfscal.model.postures import Rests
 from tdfscal.model.statics import Postures
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.records import Dwells, Rig
+from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.estimator import (
     Fit,
@@ -40,14 +43,16 @@ from tdfscal.selfcal.outliers import (
     settled,
 )
 from tdfscal.selfcal.preparation import Usable, check_readings, misplaced_hinges, usable_postures
-from tdfscal.selfcal.result import (
-    Estimator,
-    SelfCalibration,
-    Undetermined,
-    caveats,
-)
 from tdfscal.selfcal.score_tests import suspicions, wandering
-from tdfscal.significance import CAUSES_APART, INTERVAL_COVERAGE, MISFIT, MOST_REJECTED
+from tdfscal.significance import (
+    CAUSES_APART,
+    INTERVAL_COVERAGE,
+    MISFIT,
+    MOST_REJECTED,
+    OVERSTATED_NOISE,
+)
+
+Estimator = Literal["ml", "linear"]
 
 #: Trials after which a Monte Carlo stops although its averages still move: the ends of an interval
 #: are then known to 0.013 σ, a quarter of the finest tolerance that clause 8 can ask for.
@@ -56,6 +61,22 @@ MAX_TRIALS = 20_000
 MOST_SIMULATED = 12
 #: Trials for the covariance of the linear method.
 LINEAR_TRIALS = 1_000
+
+
+@record(kw_only=True)
+class SelfCalibration(Judged[Fit]):
+    """The judged result of a self-calibration.
+
+    dwells : all that were found; the fit's postures are those not screened out. rejected : dwell
+    index → reason. with_moves : (n, 3), rad, standard uncertainties of roll, pitch, yaw to expect
+    from dwells and moves together, where the log holds moves.
+    """
+
+    estimator: Estimator
+    dwells: Dwells
+    validation: HeldOut
+    rejected: dict[int, Finding]
+    with_moves: FloatArray | None = None
 
 
 def self_calibrate(
@@ -95,7 +116,7 @@ def self_calibrate(
     rejected = dict(usable.reasons) | {
         int(usable.index[k]): reason for k, reason in robust.rejected.items()
     }
-    _check(Undetermined(rig, dwells, result, stats, seen, rejected), usable, robust.rivals)
+    _check(result, Undetermined(rig, stats, seen, dwells, rejected), usable, robust.rivals)
     doubts = misplaced_hinges(known)
     # With hinges elsewhere than stated, whatever else the residuals ask for is an echo.
     if not any(doubt.harmful for doubt in doubts):
@@ -139,12 +160,53 @@ def _judged(of: SelfCalibration, *notes: Finding) -> SelfCalibration:
     return replace(of, findings=(*gate, *notes, *ranges))
 
 
-def _check(seen: Undetermined, usable: Usable, near: tuple[Rival, ...]) -> None:
+def caveats(of: SelfCalibration, *, unasked: bool) -> tuple[Finding, ...]:
+    """Collect what the user must know although the result may be good.
+
+    unasked : too many sensors for trials.
+    """
+    rig, trials = of.rig, of.monte_carlo
+    found = list(of.dwells.findings)
+    if (used := int(np.count_nonzero(of.fit.weight))) < ENOUGH:
+        found.append(Finding("postures-few", size=used, values={"enough": ENOUGH}))
+    found += log_against_rig.turned(rig, of.dwells.position)
+    found += of.turned_sensors()
+    found += of.observability.findings
+    if rig.declared.force_sensitivity > 0:
+        found.append(Finding("sensitivity-in-situ", size=rig.declared.force_sensitivity))
+    if of.quality.birge <= rig.acceptance.birge_max:  # the gate says so else
+        found += _of_the_noise(of.estimate)
+    found += of.harmless()
+    if trials is not None and trials.unsettled:
+        values: dict[str, Value] = {"trials": trials.trials}
+        found.append(Finding("trials-unsettled", size=trials.unsettled, values=values))
+    if trials is not None and trials.decides:
+        found.append(Finding("intervals-by-trials"))
+    if of.estimator == "ml":
+        found += exact_caveats(of.estimate)
+        if unasked:
+            found.append(Finding("trials-left-out", size=rig.n))
+    return tuple(found)
+
+
+def _of_the_noise(known: Estimate[Fit]) -> list[Finding]:
+    """Noise that nobody stated, or that was stated too small or too large."""
+    stats = known.quality
+    if known.fit.postures.noise_from_residuals:
+        return [Finding("noise-from-residuals")]
+    if stats.p_value < MISFIT:
+        return [Finding("noise-understated", size=stats.birge, p_value=stats.p_value)]
+    if stats.p_value > 1 - OVERSTATED_NOISE:
+        return [Finding("noise-overstated", size=stats.birge, p_value=1 - stats.p_value)]
+    return []
+
+
+def _check(fit: Fit, seen: Undetermined, usable: Usable, near: tuple[Rival, ...]) -> None:
     """Raise where no angles can be given; what is wrong with the log before advice on postures.
 
     near : other mountings that may explain the postures as well.
     """
-    rig, fit = seen.rig, seen.fit
+    rig = seen.rig
     try:
         require_angles(seen.observability, fit.converged, fit.iterations, seen)
         if near and near[0].as_likely:

@@ -14,8 +14,7 @@ from tdfscal.files.calibration.from_results import Provenance, from_joint, from_
 from tdfscal.files.rig.reading import LoadedRig, parse_rig
 from tdfscal.records import Dwells, InputFile, Measured, Rotations
 from tdfscal.reporting.figures import style
-from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, simulate_dwells, simulate_survey
 from tdfscal.trackercal import calibrate_tracker
 

@@ -7,8 +7,7 @@ import numpy as np
 from tdfscal import simulation
 from tdfscal.numerics import so3
 from tdfscal.records import Dwells, FloatArray, Rig
-from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import Options
 
 SQUEEZED = Options(squeeze=100.0)

@@ -12,7 +12,7 @@ from tdfscal.model.statics import postures
 from tdfscal.records import Rig
 from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.outliers import fit_robust
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.simulation import Contact, Faults, Options, Recorder, Slip
 from tdfscal.simulation.faults import Drift, Walk, ZeroShift
 from tests.selfcal.campaigns import fitted

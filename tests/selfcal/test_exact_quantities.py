@@ -10,7 +10,7 @@ from tdfscal.estimation.exact_quantities import exact_quantities
 from tdfscal.model.parameters import layout
 from tdfscal.numerics import so3
 from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.simulation import Faults, Gain, Options, make_rig, simulate_dwells
 from tests.selfcal.campaigns import fitted
 from tests.words import in_words

@@ -7,7 +7,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.records import FloatArray
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.simulation import Faults, Gain, Options, Recorder
 from tests.selfcal.campaigns import fitted
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.simulation import Contact, Faults, Options, Recorder
 from tests.selfcal.campaigns import fitted
 

@@ -44,7 +44,8 @@ from tdfscal.records import (
     RecorderClock,
     Rig,
 )
-from tdfscal.selfcal.result import SelfCalibration, prospects
+from tdfscal.selfcal.estimator import prospects
+from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.significance import INTERVAL_COVERAGE
 
 if TYPE_CHECKING:

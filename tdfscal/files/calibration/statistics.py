@@ -18,7 +18,7 @@ from tdfscal.model.dynamics import DELAY, FRICTION, INERTIA, RATE
 from tdfscal.model.parameters import State, layout, symmetric
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import ANGLES, BoolArray, FloatArray
-from tdfscal.selfcal.result import SelfCalibration
+from tdfscal.selfcal.pipeline import SelfCalibration
 
 if TYPE_CHECKING:
     from tdfscal.motioncal.pipeline import MotionCalibration
