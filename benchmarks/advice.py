@@ -30,7 +30,7 @@ from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.reporting.advice import advise
 from tdfscal.simulation import Faults, Options, Recorder, Slip, reference_rig, simulate_campaign
-from tdfscal.simulation.faults import Contact, Crosstalk, DeadAxis, Drift, Gain, Warming, ZeroShift
+from tdfscal.simulation.faults import Contact, DeadAxis, Drift, Gain, Warming, ZeroShift
 
 RIG = reference_rig()
 BASE = Options(squeeze=100.0)
@@ -128,7 +128,7 @@ def cases() -> dict[str, World]:
     capped = replace(RIG, capacity=np.full((3, 3), 1.02 * 500 * 9.80665 / 3))
     jump, creep = ZeroShift(0, 12, (8.0, -5.0, 12.0)), Drift(0, (10.0, -6.0, 15.0))
     warm = Warming(5.0, ((1.0, 0.5, 1.5), (-0.5, 1.0, 1.0), (0.3, -0.6, 2.0)))
-    gain, cross = Gain(0, (0.02, -0.01, 0.02)), Crosstalk(0, (0.02, -0.02, 0.02))
+    gain, cross = Gain(0, (0.02, -0.01, 0.02)), Gain(0, crosstalk=(0.02, -0.02, 0.02))
     six = tuple(Contact(k, *touch) for k in range(2, 24, 4))
     slip = Slip(0, 12, (0.004, -0.003, 0.005))
     floating = np.array([1e3, 1e3, 2e7])
@@ -142,7 +142,7 @@ def cases() -> dict[str, World]:
         "barycentre 30 mm wrong": really(barycentre=shifted),
         "hinge friction 0.5 N·m": really(declared=sticking),
         "gain 2 % wrong": faults(gains=(gain,)),
-        "crosstalk 2 %": faults(crosstalk=(cross,)),
+        "crosstalk 2 %": faults(gains=(cross,)),
         "sensor turns by 7 mrad at half time": faults(slips=(slip,)),
         "zero of a sensor 19 N wrong": really(zero=UncertainValue(zero, RIG.zero.std)),
         "hinge coordinate 2 mm wrong": really(hinge=hinge),
@@ -167,7 +167,7 @@ def cases() -> dict[str, World]:
         "forces 1.5 s late": World(recorder=LATE_FORCES),
         # Two at a time: the cure of one must not hide the other.
         "zero jump and contact": faults(zero_shifts=(jump,), contacts=six[:3]),
-        "mass and crosstalk": replace(faults(crosstalk=(cross,)), real=replace(RIG, mass=heavy)),
+        "mass and crosstalk": replace(faults(gains=(cross,)), real=replace(RIG, mass=heavy)),
         "friction and hinge": really(hinge=hinge, declared=sticking),
         "drift and gain": faults(drifts=(creep,), gains=(gain,)),
         "tilt and mass": really(gravity_tilt_std=3e-3, mass=heavy),

@@ -24,7 +24,7 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import Faults, Options, ZeroShift, reference_rig, simulate_dwells
-from tdfscal.simulation.faults import Contact, Crosstalk, Drift, Gain, Slip, Walk, Warming
+from tdfscal.simulation.faults import Contact, Drift, Gain, Slip, Walk, Warming
 from tdfscal.validation.residual_wrench import validate
 
 USED, HELD, FEW = 24, 8, 6
@@ -72,9 +72,9 @@ def both() -> Iterator[Fault]:
     for size in (1e-3, 2e-3, 3e-3, 1e-2):
         gain = Faults(gains=(Gain(0, (size,) * 3),))
         yield Fault(f"gain of ncp1 +{100 * size:g} %", ("gain ncp1",), gain)
-    upward, cross = Gain(0, (0, 0, 3e-3)), Crosstalk(0, (5e-3,) * 3)
+    upward, cross = Gain(0, (0, 0, 3e-3)), Gain(0, crosstalk=(5e-3,) * 3)
     yield Fault("gain of ncp1 along z +0.3 %", ("gain ncp1",), Faults(gains=(upward,)))
-    yield Fault("crosstalk of ncp1 0.5 %", ("gain ncp1",), Faults(crosstalk=(cross,)))
+    yield Fault("crosstalk of ncp1 0.5 %", ("gain ncp1",), Faults(gains=(cross,)))
     scatter = declaring(RIG, force_noise=0.5)
     yield Fault("forces scatter by 0.5 N", ("force noise",), real=scatter)
     yield Fault("ncp1 scatters by 0.6 N", ("noise of ncp1",), noise=one_sensor)

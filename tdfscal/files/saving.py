@@ -26,7 +26,7 @@ import yaml
 from tdfscal.errors import DataError, UsageError, visible
 from tdfscal.files.outputs import replacing
 from tdfscal.files.yaml import NUMBER, plain_scalar
-from tdfscal.records import InputFile, Integrity
+from tdfscal.records import BoolArray, FloatArray, InputFile, IntArray, Integrity
 
 #: What XML 1.0 cannot hold (production 2), and the carriage return, which its parsers replace.
 _NOT_XML = re.compile("[\x00-\x08\x0b-\x1f\ud800-\udfff\ufffe\uffff]")
@@ -198,3 +198,15 @@ def _sha256(path: Path, stopped: Callable[[], bool]) -> tuple[str, int]:
     except OSError as error:
         raise DataError(f"the file cannot be read ({error.strerror})", where=str(path)) from error
     return digest.hexdigest(), size
+
+
+def as_arrow(values: FloatArray | IntArray, missing: BoolArray | None = None) -> Any:
+    """An array of (N,) numbers, null where they are missing, which shares their memory.
+
+    pyarrow's own conversion imports pandas first, which takes a quarter of a second.
+    """
+    import pyarrow as pa  # of tables alone
+
+    known = None if missing is None else pa.py_buffer(np.packbits(~missing, bitorder="little"))
+    buffers = [known, pa.py_buffer(np.ascontiguousarray(values))]
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), buffers)

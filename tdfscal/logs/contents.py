@@ -13,10 +13,10 @@ from typing import Any, Final, Literal
 import numpy as np
 import pyarrow as pa
 
-from tdfscal.files.arrow import as_arrow, as_numpy
 from tdfscal.files.rig.recorders import UNITS, canonical, unit_factor
+from tdfscal.files.saving import as_arrow
 from tdfscal.frozen import record
-from tdfscal.logs.table import TICKS, is_number, named_axes, with_times
+from tdfscal.logs.table import TICKS, as_numpy, is_number, named_axes, with_times
 from tdfscal.records import FloatArray, Rig
 
 _OPENING: Final = 4096

@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from tdfscal.errors import DataError
-from tdfscal.files.arrow import as_arrow, as_numpy
+from tdfscal.files.saving import as_arrow
 from tdfscal.files.yaml import shorten
 from tdfscal.frozen import record
 from tdfscal.logs.log_file import Block, Piece, Request, missing_fields
@@ -266,6 +266,16 @@ def takes_turns(filled: IntArray) -> bool:
     alone = (there.astype(int) @ absent.T.astype(int)) > 0
     often = filled.shape[1] >= _FEW_ROWS and bool(absent.mean(axis=1).max() >= _OFTEN)
     return bool(np.any(alone & alone.T)) or often
+
+
+def as_numpy(column: Any) -> FloatArray:
+    """A column of numbers, (N,), NaN where it is null; read-only, and copied only if in chunks."""
+    if column.null_count:
+        column = column.fill_null(np.nan)
+    if isinstance(column, pa.ChunkedArray):
+        column = column.chunk(0) if column.num_chunks == 1 else column.combine_chunks()
+    numbers: FloatArray = np.from_dlpack(column)  # type: ignore[assignment]
+    return numbers
 
 
 def holes(column: Any) -> BoolArray:

@@ -14,7 +14,6 @@ from tdfscal.simulation.equilibrium import Pose as Pose
 from tdfscal.simulation.equilibrium import internal_part as internal_part
 from tdfscal.simulation.equilibrium import settle as settle
 from tdfscal.simulation.faults import Contact as Contact
-from tdfscal.simulation.faults import Crosstalk as Crosstalk
 from tdfscal.simulation.faults import DeadAxis as DeadAxis
 from tdfscal.simulation.faults import Drift as Drift
 from tdfscal.simulation.faults import Faults as Faults

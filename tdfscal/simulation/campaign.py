@@ -9,26 +9,20 @@ import numpy as np
 from tdfscal.frozen import record, replace
 from tdfscal.records import Dwells, FloatArray, Log, Rig, Series
 from tdfscal.simulation import faults
-from tdfscal.simulation.driving import (
-    Moment,
-    Timeline,
-    between,
-    draw_timeline,
-    shaking,
-    streams,
-)
 from tdfscal.simulation.equilibrium import (
     Load,
     Postures,
     Stage,
+    between,
     inertial,
+    internal_part,
     reading,
     set_stage,
     settle,
     stand,
 )
-from tdfscal.simulation.faults import Place
-from tdfscal.simulation.options import Options
+from tdfscal.simulation.faults import Place, streams
+from tdfscal.simulation.options import Moment, Options, Recorder, Timeline, draw_timeline
 from tdfscal.simulation.truth import Truth, draw_inertia
 
 
@@ -122,7 +116,7 @@ def _record_forces(
     force = _true_forces(rig, options, stage, timeline, inertia, time)
     stops = stage.rest.pose.place(rig.hinge)[0]
     way = between(stage.postures.trial(0), moment).pose.place(rig.hinge)
-    force += shaking(recorder, timeline, time, stops, way, shake_rng)
+    force += _shaking(recorder, timeline, time, stops, way, shake_rng)
     sd = sd_rng.uniform(*recorder.force_sd, rig.n)
     place = timeline.place(time)
     signal = (
@@ -168,6 +162,42 @@ def _true_forces(
         load = Load(contact, part.blend(stage.load.friction[0]))
         force[solve] = settle(truth, where, load, postures.pose).force
     return np.asarray(force, dtype=np.float64)
+
+
+def _shaking(
+    recorder: Recorder,
+    timeline: Timeline,
+    time: FloatArray,
+    hinge: FloatArray,
+    way: FloatArray,
+    rng: np.random.Generator,
+) -> FloatArray:
+    """Vibration in the moves and settling after them, (N, n, 3), N, to be added to the forces.
+
+    Settling: a relaxation and an oscillation of equal size, both falling to 5 % in
+    `recorder.settling`. The relaxation builds up during the move before the stop; of internal
+    forces at every place on the way, since nothing else could hold it in balance.
+
+    hinge : (K, n, 3), m, BCS, at the stops; way : (N, n, 3), at these times.
+    """
+    shape = hinge.shape
+    K, n = shape[:2]
+    moment = timeline.at(time)
+    hum_rate, hum_phase = rng.uniform(8.0, 25.0, shape), rng.uniform(-np.pi, np.pi, shape)
+    ring_rate = rng.uniform(5.0, 12.0, shape)
+    relax, ring = recorder.settling_force * rng.standard_normal((2, *shape)) / np.sqrt(2.0)
+    relax = internal_part(hinge, relax) * np.sqrt(3 * n / (3 * n - 6))  # as large as drawn
+    relax[0] = ring[0] = 0.0  # the first dwell follows no move
+    k = moment.index
+    since = (time - timeline.start[k])[:, None, None]
+    hum = np.sin(2.0 * np.pi * hum_rate[k] * since + hum_phase[k])
+    out = recorder.vibration * moment.speed[:, None, None] * hum
+    if recorder.settling > 0.0:
+        decay = np.exp(-since * np.log(20.0) / recorder.settling)
+        out += decay * (relax[k] + ring[k] * np.sin(2.0 * np.pi * ring_rate[k] * since))
+        after = np.minimum(k + 1, K - 1)
+        out += moment.share[:, None, None] * internal_part(way, relax[after])
+    return np.asarray(out, dtype=np.float64)
 
 
 @record

@@ -10,7 +10,7 @@ from tdfscal.errors import NotConvergedError
 from tdfscal.frozen import record
 from tdfscal.records import FloatArray, Rig
 from tdfscal.simulation import faults, rotations
-from tdfscal.simulation.options import Options, carriage_stiffness
+from tdfscal.simulation.options import Moment, Options, carriage_stiffness
 from tdfscal.simulation.truth import Truth, draw_truths, off_centre
 
 BALANCE = 1.0e-10
@@ -258,6 +258,19 @@ def _commanded(rig: Rig, command: FloatArray, trials: int) -> Postures:
     each = (np.repeat(part[None], trials, axis=0) for part in rotations.fit(rig.hinge, command))
     pose = Pose(*each)
     return Postures(pose, command - pose.place(rig.hinge))
+
+
+def between(postures: Postures, moment: Moment) -> Postures:
+    """Commands along the moves, (N,), from those of the postures, (K,).
+
+    The terminal turns about a fixed axis from pose to pose, so that a move does not strain it.
+    """
+    R = postures.pose.rotation
+    after = np.append(R[1:], R[-1:], axis=0)
+    way = rotations.log(np.swapaxes(R, -1, -2) @ after)
+    turn = rotations.exp(moment.share[:, None] * way[moment.index])
+    pose = Pose(R[moment.index] @ turn, moment.blend(postures.pose.translation))
+    return Postures(pose, moment.blend(postures.displacement))
 
 
 def stand(

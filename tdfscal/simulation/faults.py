@@ -44,18 +44,14 @@ class Drift:
 
 @record
 class Gain:
-    """Relative gain errors of a sensor's three axes, added to its true sensitivity error."""
+    """Relative gain errors of a sensor's axes, and symmetric crosstalk (xy, xz, yz).
+
+    Added to its true sensitivity error.
+    """
 
     sensor: int
-    relative: Vector
-
-
-@record
-class Crosstalk:
-    """Symmetric crosstalk (xy, xz, yz) of a sensor, added to its true sensitivity error."""
-
-    sensor: int
-    relative: Vector
+    relative: Vector = (0.0, 0.0, 0.0)
+    crosstalk: Vector = (0.0, 0.0, 0.0)
 
 
 @record
@@ -114,23 +110,19 @@ class Warming:
 
 @record
 class Frame:
-    """A positioner logs its travel in a frame that is turned, scaled and sheared.
+    """A positioner logs its travel in a frame that is turned and scaled.
 
-    turn (rad, rotation vector), scale (relative, per axis), shear (yz, xz, xy, rad).
+    turn (rad, rotation vector), scale (relative, per axis).
     """
 
     sensor: int
     turn: Vector = (0.0, 0.0, 0.0)
     scale: Vector = (0.0, 0.0, 0.0)
-    shear: Vector = (0.0, 0.0, 0.0)
 
     @property
     def matrix(self) -> FloatArray:
         """What the logged coordinates add to the true ones, per metre of travel, (3, 3)."""
-        (x, y, z), (yz, xz, xy) = self.turn, self.shear
-        skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        sheared = np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
-        return np.asarray(skew + np.diag(self.scale) + sheared)
+        return np.asarray(rotations.hat(np.asarray(self.turn)) + np.diag(self.scale))
 
 
 @record
@@ -144,7 +136,6 @@ class Faults:
     slips: tuple[Slip, ...] = ()
     drifts: tuple[Drift, ...] = ()
     gains: tuple[Gain, ...] = ()
-    crosstalk: tuple[Crosstalk, ...] = ()
     contacts: tuple[Contact, ...] = ()
     jolts: tuple[Jolt, ...] = ()
     dead_axes: tuple[DeadAxis, ...] = ()
@@ -173,10 +164,9 @@ def sensitivity(faults: Faults, sensors: int) -> FloatArray:
     """What gains and crosstalk add to the sensitivity error S, (n, 3, 3), symmetric."""
     extra = np.zeros((sensors, 3, 3))
     for g in faults.gains:
-        extra[g.sensor] += np.diag(g.relative)
-    for c in faults.crosstalk:
-        xy, xz, yz = c.relative
-        extra[c.sensor] += np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
+        xy, xz, yz = g.crosstalk
+        beside = np.array([[0.0, xy, xz], [xy, 0.0, yz], [xz, yz, 0.0]])
+        extra[g.sensor] += np.diag(g.relative) + beside
     return extra
 
 
@@ -222,6 +212,11 @@ def temperature(faults: Faults, place: Place) -> FloatArray:
     """Temperature of the hall (N,), °C."""
     rise = 0.0 if faults.warming is None else faults.warming.rise
     return np.asarray(20.0 + rise * (1.0 - np.exp(-3.0 * place.progress)))
+
+
+def streams(time: FloatArray, value: FloatArray) -> tuple[Series, ...]:
+    """What is logged at times (N,), s: a stream per support of value (N, n, 3)."""
+    return tuple(Series(time, np.ascontiguousarray(value[:, i])) for i in range(value.shape[1]))
 
 
 def thermometer(faults: Faults, time: FloatArray, place: Place) -> tuple[Series, ...]:

@@ -1,4 +1,4 @@
-"""How a simulated campaign, at rest or in motion, is driven and recorded."""
+"""How a simulated campaign is driven and recorded: options; the timeline of dwells and moves."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.frozen import field, record, replace
-from tdfscal.records import FloatArray, Instrument, Rig, Rows
-from tdfscal.simulation.faults import Faults
+from tdfscal.records import FloatArray, Instrument, IntArray, Rig, Rows
+from tdfscal.simulation.faults import Faults, Place
 
 
 @record
@@ -82,6 +82,65 @@ class Options:
     def count(self) -> int:
         """Number of postures K."""
         return self.postures if self.command is None else len(self.command)
+
+
+def minimum_jerk(u: FloatArray) -> FloatArray:
+    """Share of a move that lies behind at a share u of its time: quintic."""
+    return np.asarray(u**3 * (10.0 + u * (6.0 * u - 15.0)))
+
+
+@record
+class Moment:
+    """Instants of a campaign, (N,) each.
+
+    index : the dwell last entered. share : of the move that follows it, 0 in the dwell, 1 at the
+    next. speed : 0 at rest, 1 at the top speed of the move.
+    """
+
+    index: IntArray
+    share: FloatArray
+    speed: FloatArray
+
+    def blend(self, value: FloatArray) -> FloatArray:
+        """Values per posture (K, ...) carried over from posture to posture, (N, ...)."""
+        after = np.minimum(self.index + 1, len(value) - 1)
+        share = self.share.reshape(-1, *(1,) * (value.ndim - 1))
+        here = value[self.index]
+        return np.asarray(here + share * (value[after] - here), dtype=np.float64)
+
+
+@record
+class Timeline:
+    """start, end : (K,), s, of the dwells; the campaign runs from start[0] to end[-1]."""
+
+    start: FloatArray
+    end: FloatArray
+
+    def at(self, time: FloatArray) -> Moment:
+        """Where the campaign is at times (N,), s."""
+        index = np.clip(np.searchsorted(self.start, time, side="right") - 1, 0, None)
+        onward = np.append(self.start[1:], np.inf)[index]
+        u = np.clip((time - self.end[index]) / (onward - self.end[index]), 0.0, 1.0)
+        share = minimum_jerk(u)
+        return Moment(index.astype(np.int64), share, 16.0 * (u * (1.0 - u)) ** 2)
+
+    def place(self, time: FloatArray) -> Place:
+        """The same, as faults count it."""
+        moment = self.at(time)
+        return Place(moment.index + moment.share, time / self.end[-1])
+
+    def samples(self, rate: float) -> FloatArray:
+        """Sampling times at `rate` (Hz) over the whole campaign, s."""
+        count = int(np.floor(self.end[-1] * rate * (1.0 + 1e-12))) + 1
+        return np.arange(count) / rate
+
+
+def draw_timeline(recorder: Recorder, postures: int, rng: np.random.Generator) -> Timeline:
+    """Dwells and moves of random lengths, the first dwell from time 0."""
+    dwell = rng.uniform(*recorder.dwell, postures)
+    move = rng.uniform(*recorder.move, postures - 1)
+    start = np.concatenate([[0.0], np.cumsum(dwell[:-1] + move)])
+    return Timeline(start, start + dwell)
 
 
 PAPERS_TRACKER = Instrument(range=1.0e-5, range_ppm=5.0, angle_arcsec=2.0)

@@ -9,12 +9,11 @@ import numpy as np
 
 from tdfscal.errors import UsageError
 from tdfscal.frozen import record, replace
-from tdfscal.records import CampaignInfo, FloatArray, Rig
+from tdfscal.records import CampaignInfo, Rig
 from tdfscal.simulation import rotations
 from tdfscal.simulation.campaign import Campaign, simulate_campaign
 from tdfscal.simulation.faults import (
     Contact,
-    Crosstalk,
     DeadAxis,
     Drift,
     Faults,
@@ -61,7 +60,7 @@ _FAULTS: dict[str, Callable[[int, int], Faults]] = {
             Contact(k, (15.0, -25.0, 40.0), (6.0, 4.0, -3.0)) for k in sorted({K // 3, 2 * K // 3})
         )
     ),
-    "crosstalk": lambda n, K: Faults(crosstalk=(Crosstalk(0, (0.02, -0.02, 0.02)),)),
+    "crosstalk": lambda n, K: Faults(gains=(Gain(0, crosstalk=(0.02, -0.02, 0.02)),)),
     "dead-axis": lambda n, K: Faults(dead_axes=(DeadAxis(n - 1, 0, K // 4),)),
     "dead-channel": lambda n, K: Faults(dead_axes=(DeadAxis(n - 1, 1),)),
     "drift": lambda n, K: Faults(
@@ -188,47 +187,30 @@ class Step:
     turn: tuple[float, float, float]
 
 
-@record
-class Months:
-    """Campaigns of one rig, a month apart. dates : their days. steps : what happened between."""
+def simulate_months(
+    rig: Rig, options: Options, rng: np.random.Generator, months: int
+) -> tuple[list[Run], tuple[Step, ...]]:
+    """Simulate a campaign a month, and return what happened between them.
 
-    campaigns: tuple[Campaign, ...]
-    dates: tuple[str, ...]
-    steps: tuple[Step, ...]
-
-
-def simulate_months(rig: Rig, options: Options, rng: np.random.Generator, months: int) -> Months:
-    """Simulate a campaign a month; the angles walk with the rig's `drift.angle`.
-
-    The first month's truth is that of `run` by the same seed. Zeros are then drawn anew each month
-    with their stated standard deviation; load and everything else of the rig stay; the second
-    sensor turns once.
+    The angles walk with the rig's `drift.angle`, and the second sensor turns once. The first
+    month's truth is that of `run` by the same seed; each month's zeros are drawn anew with their
+    stated standard deviation. Load and everything else of the rig stay.
     """
     steps = (Step(int(_WHEN * months), 1, STEP),) if months > 1 else ()
     truth_rng, zero_rng, walk_rng, *month_rngs = rng.spawn(3 + months)
     truth = _truth(rig, options, truth_rng)
     spread = width(rig.zero.std, UNKNOWN_ZERO)
-    campaigns, dates = [], []
+    runs = []
     for month in range(months):
         if month:
             turn = rig.drift.angle * walk_rng.standard_normal((rig.n, 3))
             for step in steps:
                 turn[step.sensor] += np.asarray(step.turn) * (step.month == month)
+            rotation = rotations.exp(turn) @ truth.rotation
             zero = rig.zero.value + spread * zero_rng.standard_normal((1, rig.n, 3))
-            truth = _turned(truth, turn, zero)
-        date = _date(month - months + 1)
-        dated = replace(rig, campaign=CampaignInfo(date=date))
-        campaigns.append(simulate_campaign(dated, options, month_rngs[month], truth))
-        dates.append(date)
-    return Months(tuple(campaigns), tuple(dates), steps)
-
-
-def _turned(truth: Truth, turn: FloatArray, zero: FloatArray) -> Truth:
-    rotation = rotations.exp(turn) @ truth.rotation
-    return replace(truth, rotation=rotation, rpy=rotations.to_rpy(rotation), zero=zero)
-
-
-def _date(back: int) -> str:
-    """The fifteenth of a month, counted from the last."""
-    year, month = divmod(12 * _LAST[0] + _LAST[1] - 1 + back, 12)
-    return f"{year}-{month + 1:02d}-15"
+            truth = replace(truth, rotation=rotation, rpy=rotations.to_rpy(rotation), zero=zero)
+        year, of_year = divmod(12 * _LAST[0] + _LAST[1] + month - months, 12)
+        dated = replace(rig, campaign=CampaignInfo(date=f"{year}-{of_year + 1:02d}-15"))
+        played = simulate_campaign(dated, options, month_rngs[month], truth)
+        runs.append(Run("months", dated, played.truth, played, None))
+    return runs, steps

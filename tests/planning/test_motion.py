@@ -18,9 +18,8 @@ from tdfscal.planning.candidates import Limits
 from tdfscal.planning.motion import MovingPlan, MovingRequest, forecast, plan_motion, usual_motion
 from tdfscal.records import FloatArray
 from tdfscal.simulation import reference_rig, rotations
-from tdfscal.simulation.driving import Trajectory
 from tdfscal.simulation.equilibrium import Pose
-from tdfscal.simulation.moving_campaign import simulate_moving
+from tdfscal.simulation.moving_campaign import Trajectory, simulate_moving
 from tdfscal.simulation.options import MovingOptions
 from tests.cli.running import Cli
 from tests.motioncal.campaigns import DELAY

@@ -9,7 +9,7 @@ import pytest
 from tdfscal import simulation
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.selfcal.pipeline import self_calibrate
-from tdfscal.simulation import Contact, Crosstalk, Drift, Faults, Gain, Jolt, Options
+from tdfscal.simulation import Contact, Drift, Faults, Gain, Jolt, Options
 from tdfscal.simulation.faults import Frame, Walk
 from tests.selfcal.campaigns import SQUEEZED, calibrated, distance, fitted, study
 from tests.words import in_words
@@ -56,7 +56,7 @@ def suspects(real: Rig, stated: Rig, options: Options, seed: int) -> list[str]:
         (RIG, Faults(gains=(Gain(1, (0.004, 0.004, 0.004)),)), "gain of ncp2"),
         (
             RIG,
-            Faults(crosstalk=(Crosstalk(2, (0.004, 0.004, 0.004)),)),
+            Faults(gains=(Gain(2, crosstalk=(0.004, 0.004, 0.004)),)),
             "gain or crosstalk of ncp3",
         ),
         (RIG, Faults(drifts=(Drift(0, (4.0, -4.0, 4.0)),)), "the zero of ncp1 drifts"),

@@ -10,7 +10,6 @@ from tdfscal.simulation import (
     SCENARIOS,
     Campaign,
     Contact,
-    Crosstalk,
     Drift,
     Faults,
     Gain,
@@ -71,7 +70,7 @@ def test_gain_and_crosstalk() -> None:
     np.testing.assert_allclose(
         truth.sensitivity[0] - PLAIN.truth.sensitivity[0], np.diag([0.1, 0.0, 0.0])
     )
-    faulty = campaign(Faults(crosstalk=(Crosstalk(2, (0.01, 0.02, 0.03)),)))
+    faulty = campaign(Faults(gains=(Gain(2, crosstalk=(0.01, 0.02, 0.03)),)))
     moved = readings(faulty) - readings(PLAIN)
     np.testing.assert_array_equal(moved[:, :2], 0.0)
     k = np.searchsorted(TIME, PLAIN.start[2])

@@ -218,13 +218,14 @@ def simulate_to_folder(
     )
     rng = np.random.default_rng(seed)
     if scenario == "months":
-        played = simulate_months(rig or sample_rig(), options, rng, months)
-        runs = [Run(scenario, c.rig, c.truth, c, None) for c in played.campaigns]
+        runs, steps = simulate_months(rig or sample_rig(), options, rng, months)
         with together():
             make_folder(folder)
-            for date, of_month in zip(played.dates, runs, strict=True):
-                write_run(of_month, folder / date[:7], format=format, seed=seed)
-            story = {"scenario": {"name": scenario, "seed": seed}, "steps": played.steps}
+            for month in runs:
+                write_run(
+                    month, folder / str(month.rig.campaign.date)[:7], format=format, seed=seed
+                )
+            story = {"scenario": {"name": scenario, "seed": seed}, "steps": steps}
             write_text(folder / TRUTH, to_yaml({"format": "tdfscal-truth/1", **story}))
         return runs[-1]
     driven: Options | MovingOptions = options

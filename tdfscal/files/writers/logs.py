@@ -16,6 +16,7 @@ import numpy as np
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files import WRENCH_WRITER
 from tdfscal.files.outputs import check_suffix, replacing
+from tdfscal.files.saving import as_arrow
 from tdfscal.records import BCS_FRAME, LCS_FRAME, FloatArray, IntArray, Log, Series, sensor_frame
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 
@@ -64,8 +65,6 @@ def write_parquet(path: Path, log: Log) -> dict[str, Any]:
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
-
-    from tdfscal.files.arrow import as_arrow
 
     members = ("x", "y", "z", "fx", "fy", "fz")
     names = ["time", *(f"{support}.{member}" for support in log.supports for member in members)]
@@ -264,8 +263,6 @@ def _table(beside: Path, about: Mapping[str, str], *, text: bool) -> Iterator[Ap
     """A CSV or Parquet file that grows piece by piece."""
     import pyarrow as pa
     from pyarrow import csv, parquet
-
-    from tdfscal.files.arrow import as_arrow
 
     fields, told = [(name, pa.float64()) for name in COLUMNS], dict[str, str]()
     if text and (status := about.get(STATUS, "accepted")) != "accepted":
