@@ -14,11 +14,10 @@ from typing import TYPE_CHECKING
 
 from tdfscal.errors import DataError, RigError, UsageError, expect
 from tdfscal.files import RIG_NAME
-from tdfscal.files.model_errors import nearest
 from tdfscal.files.outputs import protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.files.rig.recorders import LogBlock
-from tdfscal.files.yaml import as_path
+from tdfscal.files.yaml import as_path, nearest
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.logs import is_log, looks_recorded

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Generic, Literal, TypeVar
 
 import numpy as np
 from pydantic import (
@@ -20,10 +20,12 @@ from pydantic import (
     StringConstraints,
     ValidationInfo,
     WithJsonSchema,
+    model_validator,
 )
 from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
+from tdfscal.files.yaml import nearest, shorten
 from tdfscal.records import BoolArray, FloatArray, UncertainValue
 
 UNKNOWN = "unknown"
@@ -49,9 +51,29 @@ class Strict(BaseModel):
         from_attributes=True,
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _keys_known(cls, given: Any) -> Any:
+        for name in given if isinstance(given, dict) else ():
+            if name not in cls.model_fields:
+                raise _unknown_key(str(name), list(cls.model_fields))
+        return given
+
     def __hash__(self) -> int:
         """By what is stated, since a mapping among its values has no hash."""
         return hash((type(self), frozenset(self.model_fields_set)))
+
+
+def _unknown_key(name: str, known: list[str]) -> PydanticCustomError:
+    if name.isdecimal():
+        hint = "write decimals with a point: in braces a comma ends a value"
+        return fault(f"unknown key `{name}`", name, hint=hint)
+    near, hint = nearest(name, known), "rename or remove it"
+    if near is None:
+        near = nearest(name, known, cutoff=0.0) or known[0]
+        hint = f"remove it; known here are {', '.join(known)}"
+    said = f"unknown key `{shorten(name)}`, the nearest known key is `{near}`"
+    return fault(said, name, hint=hint)
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:
@@ -102,6 +124,11 @@ def none_where_open(value: Any) -> Any:
     if isinstance(value, (np.ndarray, np.generic)):
         return np.where(value == np.inf, None, value).tolist()  # type: ignore[call-overload]
     return value
+
+
+def open_as_infinite(stds: Any) -> FloatArray:
+    """Return the standard uncertainties of a file as an array, ∞ where it has none."""
+    return np.nan_to_num(np.array(stds, dtype=np.float64), nan=np.inf, posinf=np.inf)
 
 
 def measured_only(values: FloatArray, axes: BoolArray) -> FloatArray:
@@ -264,12 +291,21 @@ def _with_std(given: Any, info: ValidationInfo) -> Any:
 WithStd = BeforeValidator(_with_std)
 
 
-class Quantity(Strict):
-    """A scalar with its standard uncertainty."""
+Value = TypeVar("Value")
+Spread = TypeVar("Spread")
 
-    value: Number = key("the value")
-    std: Std = key("its standard uncertainty; 0 exact, .inf unknown")
+
+class Known(Strict, Generic[Value, Spread]):
+    """A quantity with its standard uncertainty; a single one stands for all components."""
+
+    value: Value = key("the value")
+    std: Spread = key("its standard uncertainty, in the same unit; 0 exact")
 
     def record(self) -> UncertainValue:
-        """Return it as a record."""
-        return UncertainValue(np.array(self.value), np.array(self.std))
+        """Return it as a record; ∞ is unknown."""
+        value = np.array(self.value, dtype=np.float64)
+        std = np.broadcast_to(open_as_infinite(self.std), value.shape)
+        return UncertainValue(value, np.array(std))
+
+
+Quantity = Known[Number, Std]

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterator
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files.field_types import UNKNOWN
-from tdfscal.files.yaml import Document, Place, shorten
+from tdfscal.files.yaml import Document, Place, nearest, shorten
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -33,9 +31,7 @@ def checked(model: type[Model], document: Document, error: type[TdfscalError]) -
         if fault["type"] != "too_short"
         or not any(place[:-1][: len(fault["loc"])] == fault["loc"] for place in places)
     ]
-    # A misspelt key comes first: what is missing is mostly what it should have been.
-    faults.sort(key=lambda fault: fault["type"] != "extra_forbidden")
-    (place, what, hint), *others = [_told(model, document.content, fault) for fault in faults]
+    (place, what, hint), *others = [_told(document.content, fault) for fault in faults]
     for other, also, _ in others[: SHOWN - 1]:
         at = document.where(other).removeprefix(document.source).lstrip(", ")
         what += f"; also {at}: {also}"
@@ -72,20 +68,11 @@ def require_format(document: Document, expected: str, error: type[TdfscalError])
     raise error(what, where=where, hint=hint)
 
 
-def nearest(name: str, known: list[str], cutoff: float = 0.6) -> str | None:
-    """Return the known name most like `name`, None where none resembles it."""
-    folded = {key.lower(): key for key in reversed(known)}
-    found = difflib.get_close_matches(name.lower(), list(folded), n=1, cutoff=cutoff)
-    return folded[found[0]] if found else None
-
-
-def _told(model: type[BaseModel], content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
+def _told(content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
     """Return place, what and hint of one fault."""
     context = fault.get("ctx", {})
     place, there = _in_file((*fault["loc"], *context.get("place", ())), content)
     kind = fault["type"]
-    if kind == "extra_forbidden":
-        return place, *_unknown_key(model, place)
     if kind == "missing" and isinstance(place[-1], int):
         return place[:-1], f"has {place[-1]} entries, too few", "add what is missing"
     if kind == "missing":
@@ -133,32 +120,3 @@ _HINTS = {
     "list_type": "write a list",
     "too_short": "add what is missing",
 }
-
-
-def _unknown_key(model: type[BaseModel], place: Place) -> tuple[str, str]:
-    key, known = str(place[-1]), _known_keys(model, place[:-1])
-    near, hint = nearest(key, known), "rename or remove it"
-    if key.isdecimal():
-        return f"unknown key `{key}`", "write decimals with a point: in braces a comma ends a value"
-    if near is None:
-        near = nearest(key, known, cutoff=0.0) or known[0]
-        hint = f"remove it; known here are {', '.join(known)}"
-    return f"unknown key `{shorten(key)}`, the nearest known key is `{near}`", hint
-
-
-def _known_keys(model: type[BaseModel], place: Place) -> list[str]:
-    """Keys of the model that stands at a place below `model`."""
-    here: Any = model
-    for part in place:
-        if part in getattr(here, "model_fields", ()):
-            here = here.model_fields[part].annotation
-        # Else an index or a free key: the model is within the annotation of the collection.
-        here = next(_models_in(here), here)
-    return list(getattr(here, "model_fields", model.model_fields))
-
-
-def _models_in(annotation: Any) -> Iterator[Any]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _models_in(argument)

@@ -7,6 +7,7 @@ object.
 
 from __future__ import annotations
 
+import difflib
 import errno
 import hashlib
 import json
@@ -251,3 +252,10 @@ def shorten(text: str, limit: int = 40) -> str:
     """Text cut for a message, without line breaks or characters that do not print."""
     clean = "".join(letter if letter.isprintable() else "·" for letter in text[: limit + 1])
     return clean if len(clean) <= limit else clean[: limit - 1] + "…"
+
+
+def nearest(name: str, known: list[str], cutoff: float = 0.6) -> str | None:
+    """Return the known name most like `name`, None where none resembles it."""
+    folded = {key.lower(): key for key in reversed(known)}
+    found = difflib.get_close_matches(name.lower(), list(folded), n=1, cutoff=cutoff)
+    return folded[found[0]] if found else None

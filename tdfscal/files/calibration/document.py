@@ -12,10 +12,9 @@ from tdfscal.files.calibration.parameters import (
     ALTERED,
     Parameters,
     check,
-    open_as_infinite,
     status_of,
 )
-from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key
+from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key, open_as_infinite
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.outputs import check_suffix
 from tdfscal.files.rig.reading import EmbeddedRig

@@ -10,14 +10,13 @@ from tdfscal.files import field_types as kind
 from tdfscal.files.calibration.parts import (
     Agreement,
     Angle,
-    Found,
     Input,
     MeasuredResult,
     Stretch,
     TerminalResult,
     Texts,
 )
-from tdfscal.files.field_types import Strict, fault, key
+from tdfscal.files.field_types import Known, Strict, fault, key
 from tdfscal.numerics.distributions import trials_decide
 from tdfscal.records import FloatArray
 
@@ -230,7 +229,7 @@ class LeftOutStretch(Strict):
     reason: kind.Text = key("contact, a frozen channel, a sensor at its capacity")
 
 
-Known = Found[kind.Number, kind.NotNegative]
+Scalar = Known[kind.Number, kind.NotNegative]
 
 
 class MotionResidual(Table):
@@ -251,10 +250,10 @@ class MotionResult(Strict):
     seconds: kind.Positive = key("s: length of what went in")
     dwells: kind.Count = key("number of static postures that went in too", 0)
     rejected: tuple[LeftOutStretch, ...] = key("stretches of the log that were left out", ())
-    delay: Known = key(
+    delay: Scalar = key(
         "s: force stamps minus position stamps, in the middle of the log; beyond `clocks`"
     )
-    rate: Known | None = key("growth of that delay, where the log says it", None)
-    inertia: Found[kind.Matrix3, kind.Matrix3] = key("kg m²: of the terminal, about the LCS origin")
-    friction: Known = key("N·m: Coulomb friction of each hinge")
+    rate: Scalar | None = key("growth of that delay, where the log says it", None)
+    inertia: Known[kind.Matrix3, kind.Matrix3] = key("kg m²: of the terminal, about the LCS origin")
+    friction: Scalar = key("N·m: Coulomb friction of each hinge")
     residual: MotionResidual = key("of the wrench, over time")

@@ -181,22 +181,16 @@ def calibrated(c: Calibration) -> Calibrated:
         state = retract(replace(nominal(rig), rotation=c.rotation), step)
         known = np.zeros(size, dtype=np.bool_)
         return Calibrated(rig, replace(state, rotation=c.rotation), covariance, known, joint=True)
-    mass, barycentre = c.terminal.mass, c.terminal.barycenter
     error = c.sensitivity - np.eye(3)
     return independent(
         rig,
         c.rotation,
         c.rotation_covariance,
         zero=UncertainValue(c.zero, c.zero_std),
-        mass=UncertainValue(np.array(mass.value), open_as_infinite(mass.std)),
-        barycentre=UncertainValue(np.array(barycentre.value), open_as_infinite(barycentre.std)),
+        mass=c.terminal.mass.record(),
+        barycentre=c.terminal.barycenter.record(),
         sensitivity=error[:, [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]],
     )
-
-
-def open_as_infinite(stds: Any) -> FloatArray:
-    """Standard uncertainties of the file, ∞ where it has none."""
-    return np.nan_to_num(np.array(stds, dtype=np.float64), nan=np.inf, posinf=np.inf)
 
 
 def places(block: Parameters, supports: tuple[str, ...]) -> IntArray:

@@ -5,12 +5,12 @@ and the rig leave the quantity open. Tables of evidence are in `evidence`.
 """
 
 from datetime import UTC, datetime
-from typing import Annotated, Any, Generic, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import StringConstraints, model_validator
 
 from tdfscal.files import field_types as kind
-from tdfscal.files.field_types import Strict, fault, key
+from tdfscal.files.field_types import Known, Strict, fault, key
 from tdfscal.frozen import record
 from tdfscal.records import InputFile, Integrity, Measured
 
@@ -29,8 +29,6 @@ Status = Literal["accepted", "provisional", "rejected"]
 Method = Literal["self", "tracker", "joint"]
 Angle = Literal["roll", "pitch", "yaw"]
 Texts = tuple[kind.Text, ...]
-Value = TypeVar("Value")
-Std = TypeVar("Std")
 Instant = Annotated[
     str,
     StringConstraints(strict=True, pattern=r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"),
@@ -185,17 +183,10 @@ class Covariance(Strict):
     matrix: kind.Matrix = key("rad²: 3n × 3n, symmetric")
 
 
-class Found(Strict, Generic[Value, Std]):
-    """An estimate with its standard uncertainty."""
-
-    value: Value = key("the estimate")
-    std: Std = key("its standard uncertainty, in the same unit; null where open")
+Slopes = Known[kind.OpenRows, kind.OpenStdRows]
 
 
-Slopes = Found[kind.OpenRows, kind.OpenStdRows]
-
-
-class Mass(Found[kind.Positive, kind.OpenStd]):
+class Mass(Known[kind.Positive, kind.OpenStd]):
     """The estimate of a mass, kg."""
 
     std: kind.OpenStd = key("kg: standard uncertainty; null where open", None)
@@ -205,7 +196,7 @@ class TerminalResult(Strict):
     """Mass and barycentre after the adjustment, with what the terminal carries."""
 
     mass: Mass = key("kg")
-    barycenter: Found[kind.Vector, kind.OpenStds] = key("m, LCS")
+    barycenter: Known[kind.Vector, kind.OpenStds] = key("m, LCS")
 
 
 class Stretch(Strict):

@@ -13,17 +13,18 @@ from pydantic import (
     field_validator,
     model_validator,
 )
+from typing_extensions import TypeAliasType
 
 from tdfscal.files.field_types import (
     UNKNOWN,
     Amount,
     Date,
+    Known,
     Label,
     Matrix3,
     Name,
     PositiveAmount,
     PositiveVector,
-    Quantity,
     Sha256,
     Std,
     Stds,
@@ -48,13 +49,6 @@ _FARTHEST = 100.0
 """m; no terminal reaches farther, and 600 is a millimetre figure."""
 
 
-class Mass(Quantity):
-    """Mass of the terminal with all it carries, kg."""
-
-    value: PositiveAmount = key("kg")
-    std: Std = key("kg: standard uncertainty; 0 exact, .inf unknown")
-
-
 def _near(given: tuple[float, float, float]) -> tuple[float, float, float]:
     farthest = max(map(abs, given))
     if farthest > _FARTHEST:
@@ -64,21 +58,7 @@ def _near(given: tuple[float, float, float]) -> tuple[float, float, float]:
     return given
 
 
-PlaceOnTerminal = Annotated[Vector, AfterValidator(_near)]
-
-
-class VectorQuantity(Strict):
-    """A vector with its standard uncertainties; a single one stands for all three."""
-
-    value: Vector = key("the three components")
-    std: Stds = key("standard uncertainty of each; 0 exact, .inf unknown")
-
-
-class Barycenter(VectorQuantity):
-    """Barycentre of the terminal with all it carries, m, LCS."""
-
-    value: PlaceOnTerminal = key("m, LCS")
-    std: Stds = key("m: standard uncertainty of each coordinate; 0 exact, .inf unknown")
+PlaceOnTerminal = TypeAliasType("PlaceOnTerminal", Annotated[Vector, AfterValidator(_near)])
 
 
 class Gravity(Strict):
@@ -88,8 +68,9 @@ class Gravity(Strict):
     tilt_std: Amount = key("rad: levelness of the BCS, per horizontal axis", 0.0)
 
 
-def check_inertia(matrix: FloatArray) -> None:
+def check_inertia(given: Any) -> Any:
     """Refuse a (3, 3) that is the inertia of no body: symmetric, positive, triangle inequality."""
+    matrix = np.array(given)
     scale = float(np.abs(matrix).max())
     unit = matrix / (scale or 1.0)
     if not np.allclose(unit, unit.T, rtol=0, atol=1e-9):
@@ -104,27 +85,19 @@ def check_inertia(matrix: FloatArray) -> None:
             f"the other two, {smallest:.4g} and {middle:.4g}",
             hint="check the entries",
         )
+    return given
 
 
-class Inertia(Strict):
-    """Inertia of the terminal about the LCS origin, kg m²; std is that of each entry."""
-
-    value: Matrix3 = key("kg m², about the LCS origin")
-    std: Std = key("kg m²: standard uncertainty of every entry")
-
-    @field_validator("value")
-    @classmethod
-    def _of_a_body(cls, given: Any) -> Any:
-        check_inertia(np.array(given))
-        return given
+BodyInertia = TypeAliasType("BodyInertia", Annotated[Matrix3, AfterValidator(check_inertia)])
+VectorQuantity = Known[Vector, Stds]
 
 
 class Terminal(Strict):
     """The terminal with all it carries: mass in kg, barycentre in m in the LCS, inertia."""
 
-    mass: Annotated[Mass, WithStd] = key("kg: quantity")
-    barycenter: Annotated[Barycenter, WithStd] = key("m: quantity, LCS")
-    inertia: Annotated[Inertia, WithStd] | None = key(
+    mass: Annotated[Known[PositiveAmount, Std], WithStd] = key("kg: quantity")
+    barycenter: Annotated[Known[PlaceOnTerminal, Stds], WithStd] = key("m: quantity, LCS")
+    inertia: Annotated[Known[BodyInertia, Std], WithStd] | None = key(
         "kg m²: quantity, 3 × 3 about the LCS origin; used in motion only", None
     )
 

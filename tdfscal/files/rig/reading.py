@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from tdfscal.errors import RigError
 from tdfscal.files.field_types import Sha256, key
@@ -129,14 +128,13 @@ def _rig(file: RigFile) -> Rig:
         supports=tuple(support.name for support in supports),
         gravity=file.gravity.magnitude,
         gravity_tilt_std=file.gravity.tilt_std,
-        mass=_known(terminal.mass.value, terminal.mass.std),
-        barycentre=_known(terminal.barycenter.value, terminal.barycenter.std),
-        inertia=_known(terminal.inertia.value, np.full((3, 3), terminal.inertia.std))
-        if terminal.inertia
-        else None,
+        mass=terminal.mass.record(),
+        barycentre=terminal.barycenter.record(),
+        inertia=terminal.inertia.record() if terminal.inertia else None,
         hinge=np.array([support.hinge for support in supports]),
-        zero=_known(
-            [support.zero.value for support in supports], [support.zero.std for support in supports]
+        zero=UncertainValue(
+            np.array([support.zero.value for support in supports]),
+            np.array([support.zero.std for support in supports]),
         ),
         nominal_rpy=np.array([support.nominal_rpy for support in supports]),
         rpy_std=np.array([support.rpy_std for support in supports]),
@@ -155,10 +153,6 @@ def _rig(file: RigFile) -> Rig:
         campaign=CampaignInfo(**dict(file.campaign or ())),
         sensors=sensors if any(support.sensor for support in supports) else (),
     )
-
-
-def _known(value: npt.ArrayLike, std: npt.ArrayLike) -> UncertainValue:
-    return UncertainValue(np.array(value, dtype=np.float64), np.array(std, dtype=np.float64))
 
 
 def _unconfirmed(document: Document) -> tuple[str, ...]:

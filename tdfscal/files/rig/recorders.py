@@ -31,7 +31,7 @@ from tdfscal.files.field_types import (
     one_for_all,
     whole_as_text,
 )
-from tdfscal.files.model_errors import nearest
+from tdfscal.files.yaml import nearest
 from tdfscal.records import CLOCK_RATE_STD, ClockPrior, Instrument, Rows
 
 Dimension = Literal["position", "force", "time"]
