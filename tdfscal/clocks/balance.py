@@ -62,6 +62,9 @@ class Balance:
         self._length = float(np.sqrt(np.mean(np.sum((place - place.mean(axis=0)) ** 2, axis=1))))
         load = [np.sqrt(np.mean(np.sum(track.value**2, axis=1))) for track, _ in forces]
         self.load = float(np.sum(load))
+        #: Misfit that the noise of the forces leaves where everything balances.
+        square = sum(float(np.mean(track.noise**2)) for track, _ in forces)
+        self.noise = float(np.sqrt(square)) / self.load
         self.parameters = 6 * self.n + 11
 
     def _rows(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from tdfscal.clocks.tracks import (
     Peak,
     Track,
     Tracks,
+    Wiring,
     activity,
     correlation_time,
     lag_by_moves,
@@ -40,6 +42,7 @@ _REPEATS = 0.1  # where positions repeat to this part of their travel,
 _HALF = 0.5  # or by this part of the evidence at least
 _CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
 _CERTAIN = 20.0  # and its log-likelihood ratio
+_WRONG = 5.0  # times the noise's misfit, from which the streams may be wired wrongly
 _CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
 _LIKE = 0.85  # and its correlation
 _UNKNOWN = 1e3  # s, standard uncertainty of a lag that nothing but its statement tells
@@ -110,14 +113,44 @@ class Search:
         """By how much, s, the lag may be off what is stated."""
         return 5.0 * self.std + self.prior.rate_std * max(self.spans) + _STEP
 
+    @cached_property
+    def found(self) -> list[Candidate]:
+        """The lags that may be, those that balance best first."""
+        return sorted(self.judged(self.candidates()), key=lambda candidate: candidate.misfit)
+
+    @property
+    def usual(self) -> float:
+        """Misfit of lags by chance: the median of those far from the best."""
+        best, rest = self.found[0], [c for c in self.found if np.isfinite(c.misfit)]
+        far = [c.misfit for c in rest if abs(c.lag - best.lag) > 5.0]
+        return float(np.median(far)) if far else np.inf
+
+    def wired(self) -> Search:
+        """The search in which one mistake of the wiring is undone, where only so a lag balances.
+
+        A sign or an exchange that leaves residuals far above the noise at every lag says nothing
+        of the clock: it is the log's own to be told, by the clock that holds without it.
+        """
+        if self.balance is None or not self.found:
+            return self
+        best = self.found[0].misfit
+        if best <= _WRONG * self.balance.noise:
+            return self
+        likeliest, least = self, best / _CLEAR
+        for wiring in _mistakes(len(self.positions)):
+            other = Search(self.first.rewired(wiring), self.second.rewired(wiring), self.prior)
+            found = other.found[0]
+            if found.misfit < least and is_clear(found, min(other.usual, best)):
+                likeliest, least = other, found.misfit
+        return likeliest
+
     def chosen(self, name: str) -> Candidate:
         """The lag that explains both recordings."""
-        found = sorted(self.judged(self.candidates()), key=lambda candidate: candidate.misfit)
+        found = self.found
         if not found:
             raise self._not_found(name)
         best, *others = found
-        rest = [c.misfit for c in found if abs(c.lag - best.lag) > 5.0 and np.isfinite(c.misfit)]
-        usual = float(np.median(rest)) if rest else np.inf
+        usual = self.usual
         if np.isfinite(self.std) or is_clear(best, usual):
             for other in others:
                 apart = abs(other.peak.lag - best.peak.lag) > SAME
@@ -260,6 +293,22 @@ def _streams(
     return both
 
 
+def _mistakes(n: int) -> Iterator[Wiring]:
+    """Ways in which the streams of n supports may be wired or signed wrongly.
+
+    With the mounting free, one wrong sign of a sensor is as good as three; and positions exchanged
+    are forces exchanged.
+    """
+    for some in (*combinations(range(n), 1), *combinations(range(n), 2), tuple(range(n))):
+        yield {2 * i + 1: (2 * i + 1, -np.ones(3)) for i in some}
+    for i, j in combinations(range(n), 2):
+        yield {2 * i + 1: (2 * j + 1, np.ones(3)), 2 * j + 1: (2 * i + 1, np.ones(3))}
+    for by in (1, n - 1):
+        yield {2 * i + 1: (2 * ((i + by) % n) + 1, np.ones(3)) for i in range(n)}
+    for i in range(n):
+        yield from ({2 * i: (2 * i, sign)} for sign in 1.0 - 2.0 * np.eye(3))
+
+
 def _evidence(candidate: Candidate, balance: Balance | None, usual: float) -> float:
     """Log-likelihood ratio of a lag against those that balance by chance."""
     if balance is None or not np.isfinite(candidate.misfit):
@@ -312,7 +361,7 @@ def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> R
     NotIdentifiableError
         Two lags explain both alike.
     """
-    search = Search(first, second, prior)
+    search = Search(first, second, prior).wired()
     if np.isfinite(search.std):
         _check_statement(search, name)
     if prior.exact:
@@ -331,7 +380,7 @@ def _check_statement(search: Search, name: str) -> None:
         best = alone.chosen(name)
     except (DataError, NotIdentifiableError):
         best = None
-    allowed = search.judged(search.candidates())
+    allowed = search.found
     shift = search.second.begin - search.first.begin
     values: dict[str, Value] = {
         "begin": -search.stated, "end": search.spans[1] - search.stated, "span": search.spans[0],

@@ -24,6 +24,11 @@ _HOLE = 5.0  # median intervals, and s at least, over which nothing is interpola
 _HOLE_TIME = 0.25
 _STRIDE = 3  # bins over which a change is taken
 _FLOOR = 3.0  # times the noise, below which a change is none
+_OF_BENDS = 0.6745 * np.sqrt(6.0)  # median size of second differences of white noise
+
+
+#: By the number of a stream: which one it is in truth, with what signs of its axes (3,).
+Wiring = Mapping[int, tuple[int, FloatArray]]
 
 
 @record
@@ -42,6 +47,12 @@ class Track:
         """The stream with these bins."""
         usual = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
         return cls(time, value, max(_HOLE * usual, _HOLE_TIME))
+
+    @property
+    def noise(self) -> FloatArray:
+        """Standard deviation (3,) of a bin, by second differences."""
+        bend = np.abs(np.diff(self.value, n=2, axis=0))
+        return np.median(bend, axis=0) / _OF_BENDS if len(bend) else np.zeros(bend.shape[1])
 
     def at(self, time: FloatArray) -> tuple[FloatArray, BoolArray]:
         """Values (N, 3) at times (N,), and where no hole of the stream is bridged (N,)."""
@@ -85,6 +96,15 @@ class Tracks:
                 time = clock.to_first(other.begin + track.time) - self.begin
                 streams.setdefault(number, Track.of(time, track.value))
         return replace(self, period=period, streams=dict(sorted(streams.items())))
+
+    def rewired(self, wiring: Wiring) -> Tracks:
+        """The same where some streams are others in truth, or have other signs."""
+        streams = dict(self.streams)
+        for number, (source, sign) in wiring.items():
+            if number in streams and source in self.streams:
+                other = self.streams[source]
+                streams[number] = replace(other, value=other.value * sign)
+        return replace(self, streams=streams)
 
 
 class Reduction:
@@ -172,10 +192,8 @@ def activity(tracks: Sequence[Track], width: float, end: float) -> FloatArray:
         change = after - before
         scale = np.sqrt(np.mean(change[there & here] ** 2, axis=0)) if known.any() else np.ones(3)
         scale = np.where(scale > 0, scale, np.inf)
-        bend = np.abs(np.diff(mean.value, n=2, axis=0))
-        noise = np.median(bend, axis=0) / (0.6745 * np.sqrt(6.0)) if len(bend) else np.zeros(3)
         total += np.sum((change / scale) ** 2, axis=1)
-        floor += float(np.sum(2.0 * (noise / scale) ** 2))
+        floor += float(np.sum(2.0 * (mean.noise / scale) ** 2))
     channels = 3 * max(len(tracks), 1)
     course = np.log(total / channels + _FLOOR**2 * floor / channels + 1e-4)
     return np.where(known, course, np.nan)
@@ -268,7 +286,7 @@ def moves(positions: Sequence[Track], span: float, period: float) -> list[tuple[
     place = np.hstack([track.at(time)[0] for track in positions])
     reach = max(round(_SPAN / step), 1)
     change = np.linalg.norm(place[2 * reach :] - place[: -2 * reach], axis=1)
-    bend = np.median(np.abs(np.diff(place, n=2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
+    bend = np.median(np.abs(np.diff(place, n=2, axis=0)), axis=0) / _OF_BENDS
     limit = max(_MOVING * float(np.linalg.norm(bend)), _SHARE * float(np.quantile(change, 0.98)))
     still = np.concatenate([[False], change < limit, [False]])
     edges = np.flatnonzero(np.diff(still.astype(int)))

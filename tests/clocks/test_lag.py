@@ -79,10 +79,26 @@ def test_stated_uncertainties_are_those_of_the_errors(forces_first: bool) -> Non
     assert (square.sum(axis=0) < chdtri(len(z), 1e-3)).all()
 
 
-def test_in_motion() -> None:
-    """The simulated sensors are 5 ms late besides."""
-    error, std = found(campaign("motion", 3), Apart(-4.2, late=1.0))
-    assert abs(error - 0.005) < 3.0 * std < 0.05
+@pytest.mark.parametrize("scenario", ["self", "motion"])
+@pytest.mark.parametrize("wrong", ["sign", "two signs", "sensors", "place"])
+def test_wrong_wiring_leaves_the_clock(scenario: str, wrong: str) -> None:
+    """No lag balances then; by the clock that holds without the mistake the log itself tells it."""
+    log = campaign(scenario, 5)
+    position, force = ([s.value.copy() for s in kind] for kind in (log.position, log.force))
+    if "sign" in wrong:
+        force[0][:, 0] *= -1.0
+        force[2][:, 1] *= -1.0 if wrong == "two signs" else 1.0
+    elif wrong == "sensors":
+        force[0], force[2] = force[2], force[0]
+    else:
+        position[1][:, 1] *= -1.0
+    miswired = replace(
+        log,
+        position=tuple(map(Series, (s.time for s in log.position), position)),
+        force=tuple(map(Series, (s.time for s in log.force), force)),
+    )
+    error, std = found(miswired, Apart(3.7, late=1.0))
+    assert abs(error - 0.005 * (scenario == "motion")) < 3.0 * std < 0.05
 
 
 def test_a_campaign_that_repeats_itself_is_not_decided() -> None:
