@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 
 from tdfscal.commands import options
-from tdfscal.commands.calibration_in_use import WrenchPass, take
+from tdfscal.commands.calibration_in_use import LogInUse, take
 from tdfscal.commands.campaign import PathLike, one
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent, triple, window
@@ -114,10 +114,8 @@ def apply(
     UsageError, RigError, DataError
     """
     target, point = one(output), triple("--at", at)
-    use = take(calibration, paths, rig)
-    settings = Settings(progress, window(from_, to))
-    log = WrenchPass(use.campaign, settings, use=use, point=np.array(point))
-    head, samples = log.read()
+    log = take(calibration, paths, rig, Settings(progress, window(from_, to)), point)
+    head, samples = log.passing()
     totals, noises, columns = Totals(), list[SampleNoise](), None
     samples, effect = _behind(filter, head, samples)
     age, moved = log.moved_zeros(head)
@@ -125,7 +123,7 @@ def apply(
         log.wrenches(totals.standstill.watch(samples)),
         head,
         log.given,
-        posture_std=use.posture_std,
+        posture_std=log.posture_std,
         zero_variance=moved,
         tell=noises.append,
     )
@@ -138,7 +136,7 @@ def apply(
         else:
             kept = [columns_of(piece) for piece in numbers_only(totals.passing(wrenches))]
             columns = {name: np.concatenate([part[name] for part in kept]) for name in COLUMNS}
-        found = (*use.findings, *log.findings())
+        found = tuple(log.findings())
         variance = 0.0 if moved is None else moved(np.array([totals.end])).max()
     summary = {
         "output": None if target is None else str(target),
@@ -171,11 +169,11 @@ def _behind(
     }
 
 
-def _about(log: WrenchPass, kind: Kind) -> dict[str, str]:
+def _about(log: LogInUse, kind: Kind) -> dict[str, str]:
     """What a file of wrenches says of them."""
     x, y, z = log.point
     place = f"the point ({x:g}, {y:g}, {z:g}) m" if log.point.any() else "the origin"
-    c = log.use.calibration
+    c = log.calibration
     return {
         "quantity": f"contact wrench on the terminal: force, and moment about {place} of the LCS",
         "frame": "LCS",
@@ -224,9 +222,9 @@ class Totals:
             self.still_rows += len(still)
             yield piece
 
-    def document(self, log: WrenchPass, noise: SampleNoise) -> dict[str, Any]:
+    def document(self, log: LogInUse, noise: SampleNoise) -> dict[str, Any]:
         """Return the rms of each component over all rows, and at the stops where some move."""
-        std, posture = _by_component(noise.std), log.use.posture_std
+        std, posture = _by_component(noise.std), log.posture_std
         roots = map(_by_component, np.sqrt(self.squares / self.rows))
         stops = None
         if 0 < self.still_rows < self.rows:
@@ -235,7 +233,7 @@ class Totals:
         return {
             "rows": self.rows,
             "quasi_static": log.given.rig.inertia is None,
-            STATUS: log.use.calibration.status,
+            STATUS: log.calibration.status,
             "left_out": document(log.tally, "uncovered unreadable"),
             "start": self.begin,
             "end": self.end,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -11,7 +11,6 @@ import numpy as np
 from tdfscal.catalogue import rigs_apart
 from tdfscal.checks.calibrated_rig import Inspection, contradictions, other_papers
 from tdfscal.commands.campaign import (
-    Campaign,
     PathLike,
     PathLikes,
     measured,
@@ -19,7 +18,7 @@ from tdfscal.commands.campaign import (
     resolve,
     stated_date,
 )
-from tdfscal.commands.log_pass import LogPass
+from tdfscal.commands.log_pass import LogPass, Settings
 from tdfscal.commands.result import (
     Calibration,
     CalibrationSource,
@@ -51,60 +50,6 @@ from tdfscal.wrench.wrench_noise import (
     moved_zeros,
     take_head,
 )
-
-
-@record
-class InUse:
-    """A calibration with the logs that it is used on.
-
-    name : of its file, for messages. given : with the inertia and the declared uncertainties of
-    the logs' rig. findings : what a user must know first.
-    """
-
-    name: str
-    calibration: Calibration
-    given: Calibrated
-    campaign: Campaign
-    findings: tuple[Finding, ...]
-
-    @property
-    def reading_noise(self) -> float:
-        """Noise of a reading, N per axis, as the calibration's own residuals show it; 0 unknown."""
-        fit = self.calibration.fit
-        # The residual force of a posture is the sum of n readings, three axes each.
-        return 0.0 if fit is None else float(fit.rms_force / np.sqrt(3 * self.given.rig.n))
-
-    @property
-    def posture_std(self) -> float:
-        """Noise of a force at a posture, N per axis, as the calibration's own residuals show it."""
-        fit = self.calibration.fit
-        if fit is None or fit.dof <= 0:
-            return 0.0
-        return self.reading_noise * float(np.sqrt(max(6 * fit.postures / fit.dof, 1.0)))
-
-
-def take(calibration: CalibrationSource, paths: PathLikes, rig: PathLike | None = None) -> InUse:
-    """Load a calibration and find the logs to use it on, with their rig.
-
-    The rig is that of the campaign folder, or `rig`, else the one that the calibration embeds.
-
-    Raises UsageError where that rig contradicts the calibrated one, or there is no log; else as
-    `load_calibration` and `resolve`.
-    """
-    name, loaded = read_source(calibration)
-    embedded = loaded.rig.loaded(name)  # not its campaign: the logs are of another
-    document = {**embedded.document, "campaign": None}
-    own = replace(embedded, rig=replace(embedded.rig, campaign=CampaignInfo()), document=document)
-    campaign = resolve(paths, rig, fallback=own)
-    if not campaign.logs:
-        raise no_log(paths)
-    given = calibrated(loaded)
-    other = campaign.rig.rig
-    require_agreement(given.rig, other, str(campaign.rig.path))
-    used = replace(given.rig, inertia=other.inertia, declared=other.declared)
-    papers = other_papers((name, given.rig), (str(campaign.rig.path), other))
-    found = (*defects(name, loaded, other if other.sensors else None), *papers)
-    return InUse(name, loaded, replace(given, rig=used), campaign, found)
 
 
 def require_agreement(calibrated: Rig, given: Rig, where: str) -> None:
@@ -148,66 +93,48 @@ def zero_epoch(c: CalibrationFile) -> ZeroEpoch:
     return ZeroEpoch(begin, exact, span, dwell, temperature)
 
 
-def zero_age(use: InUse, first: float, temperature: FloatArray | None) -> ZeroAge:
-    """Age of the zeros at a log's first time, s of its clock; temperature (n,), °C, there.
-
-    Where no clock or date tells, a log is taken for recorded just after the calibration's.
-    """
-    epoch, rig = zero_epoch(use.calibration), use.campaign.rig
-    warming = 0.0
-    if temperature is not None and epoch.temperature is not None:
-        warming = float(temperature.mean()) - epoch.temperature
-    if use.campaign.rig.averaged:
-        return ZeroAge(0.0, warming, known=False)
-    date, clock = rig.rig.campaign.date, by_wall_clock(first)
-    now = first if clock else stated_date(date).begin if date is not None else None
-    if epoch.begin is None or now is None:
-        return ZeroAge(epoch.span, warming, known=False)
-    if clock and epoch.exact:
-        return ZeroAge(now - epoch.begin, warming)
-    # Dates tell the day; the log is another one than the calibration's.
-    return ZeroAge(max(abs(now - epoch.begin), epoch.span), warming)
-
-
-def _recorded(c: CalibrationFile) -> tuple[MeasuredResult, ...]:
-    """When its data, and those of its campaigns, were recorded."""
-    return (c.measured, *(campaign.measured for campaign in c.campaigns))
-
-
-def before_calibration(use: InUse, when: MeasuredResult) -> tuple[Finding, ...]:
-    """Say so where a log was recorded before any of the calibration's data."""
-    c = use.calibration
-    dated = _recorded(c)
-    if "file" in (when.source, *(m.source for m in dated)):
-        return ()
-    begin = min((m.begin for m in dated), key=seconds)
-    if seconds(when.end) >= seconds(begin):
-        return ()
-    digits = 10 if when.end[:10] < begin[:10] else 16
-    log, calibration = (time[:digits].replace("T", " ") for time in (when.end, begin))
-    values: dict[str, Value] = {"log": log, "calibration": calibration}
-    return (Finding("log-before-calibration", values=values),)
-
-
 @dataclass(slots=True, kw_only=True)
-class WrenchPass(LogPass):
-    """What one reading of a log under a calibration needs, and leaves behind.
+class LogInUse(LogPass):
+    """A calibration with the logs that it is used on, and what one reading of them leaves behind.
 
-    point : (3,), m, LCS, that moments are about. given : about that point.
+    name : of its file, for messages. given : with the inertia and the declared uncertainties of
+    the logs' rig, moments about a point (3,), m, LCS. known : what a user must know first.
     """
 
-    use: InUse
-    point: FloatArray
+    name: str
+    calibration: Calibration
+    given: Calibrated
+    point: FloatArray = field(default_factory=lambda: np.zeros(3))
+    known: tuple[Finding, ...] = ()
     tally: Tally = field(default_factory=Tally)
     thermometer: Thermometer = field(default_factory=Thermometer)
-    given: Calibrated = field(init=False)
     inspection: Inspection = field(init=False)
 
     def __post_init__(self) -> None:
-        self.given = about_point(self.use.given, self.point)
-        self.inspection = Inspection(self.use.given)
+        self.inspection = Inspection(self.given)
+        self.given = about_point(self.given, self.point)
 
-    def read(self) -> tuple[LogHead, Iterator[Samples]]:
+    @property
+    def reading_noise(self) -> float:
+        """Noise of a reading, N per axis, as the calibration's own residuals show it; 0 unknown."""
+        fit = self.calibration.fit
+        # The residual force of a posture is the sum of n readings, three axes each.
+        return 0.0 if fit is None else float(fit.rms_force / np.sqrt(3 * self.given.rig.n))
+
+    @property
+    def posture_std(self) -> float:
+        """Noise of a force at a posture, N per axis, as the calibration's own residuals show it."""
+        fit = self.calibration.fit
+        if fit is None or fit.dof <= 0:
+            return 0.0
+        return self.reading_noise * float(np.sqrt(max(6 * fit.postures / fit.dof, 1.0)))
+
+    @property
+    def excess_variance(self) -> float:
+        """Of a force at a posture, N² per axis, beyond what the logs' rig file declares."""
+        return self.posture_std**2 - self.rig.declared.force_noise**2
+
+    def passing(self) -> tuple[LogHead, Iterator[Samples]]:
         """Begin to read: the beginning, and the samples from their first on. Raises DataError."""
         self.progress("reading the log and working out the contact wrench")
         pieces = aligned(self.thermometer.passing(self.pieces()), self.tally)
@@ -225,24 +152,40 @@ class WrenchPass(LogPass):
         """Work out the contact wrenches."""
         return (at_rest if self.given.rig.inertia is None else in_motion)(self.given, samples)
 
+    def zero_age(self, first: float, temperature: FloatArray | None) -> ZeroAge:
+        """Age of the zeros at the log's first time, s of its clock; temperature (n,), °C, there.
+
+        Where no clock or date tells, a log is taken for recorded just after the calibration's.
+        """
+        epoch, date, warming = zero_epoch(self.calibration), self.rig.campaign.date, 0.0
+        if temperature is not None and epoch.temperature is not None:
+            warming = float(temperature.mean()) - epoch.temperature
+        if self.campaign.rig.averaged:
+            return ZeroAge(0.0, warming, known=False)
+        clock = by_wall_clock(first)
+        now = first if clock else stated_date(date).begin if date is not None else None
+        if epoch.begin is None or now is None:
+            return ZeroAge(epoch.span, warming, known=False)
+        if clock and epoch.exact:
+            return ZeroAge(now - epoch.begin, warming)
+        # Dates tell the day; the log is another one than the calibration's.
+        return ZeroAge(max(abs(now - epoch.begin), epoch.span), warming)
+
     def zeros(self, head: LogHead) -> tuple[ZeroAge, ZeroVariance | None]:
         """Age of the zeros at a log's first sample, and the variance of 1/f noise since they held.
 
         With temperatures where zeros move with these.
         """
-        start = float(head.samples.time[0])
+        start, epoch = float(head.samples.time[0]), zero_epoch(self.calibration)
         first = self.temperatures(np.array([start]))
-        age = zero_age(self.use, start, None if first is None else first[0])
-        epoch = zero_epoch(self.use.calibration)
-        scatter = self.use.posture_std**2 - self.rig.declared.force_noise**2
-        level = flicker_level(head, self.rig.axes, scatter, epoch.span, epoch.dwell)
+        age = self.zero_age(start, None if first is None else first[0])
+        level = flicker_level(head, self.rig.axes, self.excess_variance, epoch.span, epoch.dwell)
         return age, flicker(level, start, age, epoch.span)
 
     def moved_zeros(self, head: LogHead) -> tuple[ZeroAge, ZeroVariance | None]:
         """Age of the zeros, and the variance by which they may have moved since, drift included."""
         age, slow = self.zeros(head)
-        start = float(head.samples.time[0])
-        declared = moved_zeros(self.rig.drift, start, age, self.temperatures)
+        declared = moved_zeros(self.rig.drift, float(head.samples.time[0]), age, self.temperatures)
         if declared is None or slow is None:
             return age, declared or slow
         return age, lambda time: np.asarray(declared(time) + slow(time))
@@ -252,18 +195,74 @@ class WrenchPass(LogPass):
         n = self.rig.n
         return self.thermometer.at(time, time, n) if self.rig.drift.temperature > 0 else None
 
+    def before_calibration(self) -> tuple[Finding, ...]:
+        """Say so where the log was recorded before any of the calibration's data."""
+        when = MeasuredResult.model_validate(measured(self))
+        dated = _recorded(self.calibration)
+        begin = min((m.begin for m in dated), key=seconds)
+        told = "file" not in (when.source, *(m.source for m in dated))
+        if not told or seconds(when.end) >= seconds(begin):
+            return ()
+        digits = 10 if when.end[:10] < begin[:10] else 16
+        log, calibration = (time[:digits].replace("T", " ") for time in (when.end, begin))
+        values: dict[str, Value] = {"log": log, "calibration": calibration}
+        return (Finding("log-before-calibration", values=values),)
+
     def findings(self) -> list[Finding]:
         """What a log that has passed says of itself, what was left out, what stays unknown."""
-        found = [*self.messages, *self.inspection.finish()]
+        found = [*self.known, *self.messages, *self.inspection.finish()]
         with suppress(DataError, RigError):  # a clock that is set wrong dates nothing
-            when = MeasuredResult.model_validate(measured(self))
-            found += before_calibration(self.use, when)
-        if self.tally.uncovered:
-            found.append(Finding("samples-uncovered", size=self.tally.uncovered))
-        if self.tally.unreadable:
-            found.append(Finding("samples-unreadable", size=self.tally.unreadable))
-        if not self.use.given.rig.axes.all():
-            found.append(Finding("wrench-in-part", unknown_components(self.use.given)))
-        if self.use.given.open.any():
+            found += self.before_calibration()
+        for code, left_out in (
+            ("samples-uncovered", self.tally.uncovered),
+            ("samples-unreadable", self.tally.unreadable),
+        ):
+            found += [Finding(code, size=left_out)] if left_out else []
+        if not self.given.rig.axes.all():
+            found.append(Finding("wrench-in-part", unknown_components(self.given)))
+        if self.given.open.any():
             found.append(Finding("calibration-open"))
         return found
+
+
+def take(
+    calibration: CalibrationSource,
+    paths: PathLikes,
+    rig: PathLike | None,
+    settings: Settings,
+    point: Sequence[float] = (0.0, 0.0, 0.0),
+) -> LogInUse:
+    """Load a calibration and find the logs to use it on, with their rig.
+
+    The rig is that of the campaign folder, or `rig`, else the one that the calibration embeds.
+    point : of the LCS, m, that moments are about.
+
+    Raises UsageError where that rig contradicts the calibrated one, or there is no log; else as
+    `load_calibration` and `resolve`.
+    """
+    name, loaded = read_source(calibration)
+    embedded = loaded.rig.loaded(name)  # not its campaign: the logs are of another
+    document = {**embedded.document, "campaign": None}
+    own = replace(embedded, rig=replace(embedded.rig, campaign=CampaignInfo()), document=document)
+    campaign = resolve(paths, rig, fallback=own)
+    if not campaign.logs:
+        raise no_log(paths)
+    given, other = calibrated(loaded), campaign.rig.rig
+    require_agreement(given.rig, other, str(campaign.rig.path))
+    papers = other_papers((name, given.rig), (str(campaign.rig.path), other))
+    return LogInUse(
+        campaign,
+        settings,
+        name=name,
+        calibration=loaded,
+        given=replace(
+            given, rig=replace(given.rig, inertia=other.inertia, declared=other.declared)
+        ),
+        point=np.array(point),
+        known=(*defects(name, loaded, other if other.sensors else None), *papers),
+    )
+
+
+def _recorded(c: CalibrationFile) -> tuple[MeasuredResult, ...]:
+    """When its data, and those of its campaigns, were recorded."""
+    return (c.measured, *(campaign.measured for campaign in c.campaigns))

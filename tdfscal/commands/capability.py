@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from tdfscal.commands import options
-from tdfscal.commands.calibration_in_use import InUse, WrenchPass, take
+from tdfscal.commands.calibration_in_use import LogInUse, take
 from tdfscal.commands.campaign import Campaign, listed
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent, triple
@@ -41,7 +41,7 @@ from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.plan import Driven, read_plan
 from tdfscal.findings import Finding, Value, rejecting, unfit
 from tdfscal.frozen import record
-from tdfscal.model.calibrated import Calibrated, about_point
+from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import gravity, sensing
 from tdfscal.model.postures import ZeroAge
 from tdfscal.model.samples_in_motion import rotations
@@ -138,36 +138,33 @@ def capability(
     request, point = Request(false_stops, detect, filter), triple("--at", at)
     path = _planned(calibration, listed(paths), np.array(point))
     if path is None:
-        use = take(calibration, paths, rig)
-        log = WrenchPass(use.campaign, Settings(progress), use=use, point=np.array(point))
+        log = take(calibration, paths, rig, Settings(progress), point)
         path = _recorded(log, request.cutoff)
-    own, places = path.use.calibration, path.places
+    own, given = path.log.calibration, path.log.given
     if not own.rotation_covariance.any():
         raise DataError(
             "the calibration states no covariance: nothing tells what it leaves open",
-            where=path.use.name,
+            where=path.log.name,
             hint="calibrate anew; --estimator linear needs its Monte Carlo trials",
         )
     progress("looking for thresholds")
-    found = assess(path.given, path.errors, path.noise, path.duration, request)
-    named = shlex.join([path.use.name, *map(str, listed(paths))])
+    found = assess(given, path.errors, path.noise, path.duration, request)
+    named = shlex.join([path.log.name, *map(str, listed(paths))])
     judged = _findings(path, found, request.cutoff, f"tdfscal update {named} -o FILE")
-    findings = (*path.use.findings, *path.findings, *judged)
-    return CapabilityResult(own, found, request, findings, point, not places.averaged)
+    findings = (*path.findings, *judged)
+    return CapabilityResult(own, found, request, findings, point, not path.places.averaged)
 
 
 @record(kw_only=True)
 class FreePath:
     """A path without contact, with all that stands on the wrench along it.
 
-    given : about the point that moments are about. noise : of the wrench behind the filter.
-    duration : s. sampled : at known times. age : of the zeros. largest : of the filtered wrench; of
-    a log of stops, at rest, and moved : between them. by_zeros : what zeros that have moved
-    explain. in_motion : the log has no stops.
+    noise : of the wrench behind the filter. duration : s. sampled : at known times. age : of the
+    zeros. largest : of the filtered wrench; of a log of stops, at rest, and moved : between them.
+    by_zeros : what zeros that have moved explain. in_motion : the log has no stops.
     """
 
-    use: InUse
-    given: Calibrated
+    log: LogInUse
     places: Places
     errors: Errors
     noise: MeasuredNoise
@@ -181,12 +178,12 @@ class FreePath:
     findings: tuple[Finding, ...] = ()
 
 
-def _recorded(log: WrenchPass, cutoff: float | None) -> FreePath:
+def _recorded(log: LogInUse, cutoff: float | None) -> FreePath:
     """Read a log under a calibration, once, in bounded memory.
 
     Raises DataError where it holds no instant, UsageError for a filter beyond its sampling rate.
     """
-    points, (head, samples) = PathPoints(log.campaign.rig.averaged), log.read()
+    points, (head, samples) = PathPoints(log.campaign.rig.averaged), log.passing()
     averaged, start = log.campaign.rig.averaged, head.samples.time
     interval = None if averaged or len(start) < 2 else float(np.median(np.diff(start)))
     if cutoff is not None and (interval is None or cutoff * interval >= 0.5):
@@ -211,7 +208,7 @@ def _recorded(log: WrenchPass, cutoff: float | None) -> FreePath:
     places = points.path()
     age, flicker = log.zeros(head)
     zeros = ZeroChange(log.rig.drift, age, log.temperatures(places.time), flicker)
-    stand = errors(log.given, places, zeros, _scatter(log.use, log.given))
+    stand = errors(log.given, places, zeros, _scatter(log))
     time, value = (np.concatenate(parts) for parts in zip(*begun, strict=True))
     rest = [] if head.averaged else list(head.dwells(time))
     if not head.averaged and len(time) > 1 and not serving(rest, interval or 1.0, cutoff):
@@ -219,8 +216,7 @@ def _recorded(log: WrenchPass, cutoff: float | None) -> FreePath:
     if head.averaged:
         time, value = time[:0], value[:0]
     return FreePath(
-        use=log.use,
-        given=log.given,
+        log=log,
         places=places,
         errors=stand,
         noise=measured_noise(time, value, rest, cutoff),
@@ -245,26 +241,26 @@ def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) ->
     if len(paths) != 1 or (driven := read_plan(paths[0])) is None:
         return None
     name, loaded = read_source(source)
-    rig, given = loaded.rig.loaded(name), about_point(calibrated(loaded), point)
+    rig, given = loaded.rig.loaded(name), calibrated(loaded)
     if driven.position.shape[1] != given.rig.n or driven.supports != given.rig.supports:
         hint = f"plan with the rig of {name}"
         raise DataError("the plan is of another rig", where=str(paths[0]), hint=hint)
-    use = InUse(name, loaded, given, Campaign(rig, ()), ())
-    places = Places(driven.time, driven.position, _readings(given, driven), driven.averaged)
+    log = LogInUse(
+        Campaign(rig, ()), Settings(), name=name, calibration=loaded, given=given, point=point
+    )
+    places = Places(driven.time, driven.position, _readings(log.given, driven), driven.averaged)
     return FreePath(
-        use=use,
-        given=given,
+        log=log,
         places=places,
-        errors=errors(given, places, None, _scatter(use, given)),
+        errors=errors(log.given, places, None, _scatter(log)),
         noise=measured_noise(np.zeros(0), np.zeros((0, 6)), [], None),
         duration=UNTIMED if places.averaged else float(np.ptp(places.time)),
     )
 
 
-def _scatter(use: InUse, given: Calibrated) -> FloatArray:
+def _scatter(log: LogInUse) -> FloatArray:
     """Variance (6,) of the wrench at a posture beyond what the rig file declares."""
-    excess = max(use.posture_std**2 - given.rig.declared.force_noise**2, 0.0)
-    return np.asarray(excess * by_sensor(given).sum(axis=0))
+    return np.asarray(max(log.excess_variance, 0.0) * by_sensor(log.given).sum(axis=0))
 
 
 def _readings(given: Calibrated, driven: Driven) -> FloatArray:
@@ -284,11 +280,11 @@ def _findings(
     path: FreePath, found: Capability, cutoff: float | None, line: str
 ) -> Iterator[Finding]:
     """What is to be judged by; cutoff : of the filter, Hz; line : that takes new zeros in."""
-    use, stated = path.use, path.use.campaign.rig.rig
+    log, stated = path.log, path.log.rig
     unsound = list(_rejecting(path, found, line))
     yield from unsound
-    if not path.given.joint and use.calibration.method != "tracker":
-        yield Finding("covariance-in-part", (use.name,))
+    if not log.given.joint and log.calibration.method != "tracker":
+        yield Finding("covariance-in-part", (log.name,))
     aged = np.mean(np.sum(path.errors.zeros**2, axis=2), axis=0)
     whole = np.mean(np.sum(path.errors.factor**2, axis=2), axis=0)
     whole += [one.std**2 for one in found.noise]
@@ -300,10 +296,10 @@ def _findings(
     if not drifts and path.age.known and days > 1.0:
         yield Finding("drift-undeclared", size=days)
     if not path.noise.spans:
-        planned = not use.campaign.logs
+        planned = not log.campaign.logs
         filtered = f"{cutoff:g}" if cutoff is not None and not planned else ""
         yield Finding("path-without-noise", values={"planned": planned, "filtered": filtered})
-    if path.given.rig.inertia is None and path.sampled and not unsound:
+    if path.log.given.rig.inertia is None and path.sampled and not unsound:
         yield Finding("path-inertia-unknown")
     for name, unit, rows, limit in stated.acceptance.contact_limits:
         worst = float(np.max(found.smallest_contact[rows]))
@@ -315,7 +311,7 @@ def _findings(
 def _rejecting(path: FreePath, found: Capability, line: str) -> Iterator[Finding]:
     """What shows that the path was in contact, or driven beyond; and thresholds without end."""
     # Without its inertia a terminal that moves shows a wrench, and no contact.
-    quasi_static, by_zeros = path.given.rig.inertia is None, path.by_zeros
+    quasi_static, by_zeros = path.log.given.rig.inertia is None, path.by_zeros
     free = "moves-beyond" if quasi_static and path.in_motion else "path-in-contact"
     moved = by_zeros is not None and bool(by_zeros.steady.any())
     said = False

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal
 
 from tdfscal.checks.shared_data import Recorded, readings, repeated_in
 from tdfscal.commands import options
-from tdfscal.commands.calibration_in_use import InUse, before_calibration, take, zero_age
+from tdfscal.commands.calibration_in_use import LogInUse, take
 from tdfscal.commands.campaign import measured
-from tdfscal.commands.log_pass import LogPass, Settings, delay_of, where_few
+from tdfscal.commands.log_pass import Settings, delay_of, where_few
 from tdfscal.commands.options import Option, silent, window
 from tdfscal.commands.recordings import left_out
 from tdfscal.commands.result import Calibration, CommandResult, by_column
@@ -114,80 +114,77 @@ def validate(
     ------
     UsageError, RigError, DataError
     """
-    use = take(calibration, paths, rig)
-    log = LogPass(use.campaign, Settings(progress, window(from_, to)))
+    log = take(calibration, paths, rig, Settings(progress, window(from_, to)))
+    c = log.calibration
     with log.explaining():
-        result = _tested(use, log, samples)
+        result = _tested(log, samples)
     # What the log says of itself comes with its dwells.
     own = (Finding("log-used-before", (path,)) for path in result.own)
-    when, by = MeasuredResult.model_validate(measured(log)), use.campaign.rig
-    past = before_calibration(use, when)
-    result = replace(result, earlier=bool(past), gate_rejected=not use.calibration.accepted)
+    when, past = MeasuredResult.model_validate(measured(log)), log.before_calibration()
+    result = replace(result, earlier=bool(past), gate_rejected=not c.accepted)
     # A motion says its own.
     lost = list[Finding]()
     if isinstance(result, Validation):
         lost = left_out(result.left_out.values(), len(result.dwells))
-    found = (*use.findings, *own, *past, *lost, *result.findings)
-    making = Making(command, tuple(log.inputs))
-    origin = Origin(use.calibration, use.name, by, when, making)
-    return ValidateResult(result, use.calibration, found, origin)
+    found = (*log.known, *own, *past, *lost, *result.findings)
+    origin = Origin(c, log.name, log.campaign.rig, when, Making(command, tuple(log.inputs)))
+    return ValidateResult(result, c, found, origin)
 
 
-def _tested(use: InUse, log: LogPass, samples: Samples | None) -> Validation | MovingValidation:
+def _tested(log: LogInUse, samples: Samples | None) -> Validation | MovingValidation:
     """Test by the dwells where there are enough, else by the motion."""
     if samples == "moving":
-        return _by_motion(use, log, log.moving())
+        return _by_motion(log, log.moving())
     dwells, slow = log.samples(samples)
     found = None
     if slow is not None:
-        found = where_few(dwells, ENOUGH, partial(_by_motion, use, log, slow))
-    return _by_postures(use, log, dwells) if found is None else found
+        found = where_few(dwells, ENOUGH, partial(_by_motion, log, slow))
+    return _by_postures(log, dwells) if found is None else found
 
 
-def _by_motion(use: InUse, log: LogPass, slow: Slow) -> MovingValidation:
+def _by_motion(log: LogInUse, slow: Slow) -> MovingValidation:
     log.progress("testing the calibration on the motion")
-    delay, rig = delay_of(use.campaign.rig), use.campaign.rig.rig
-    found = validate_moving(use.given, slow, delay, rig=rig)
+    found = validate_moving(log.given, slow, delay_of(log.campaign.rig), rig=log.rig)
     span = found.begin, found.begin + found.seconds
-    used = [file for one in files_of(use.calibration) for file in one]
+    used = [file for one in files_of(log.calibration) for file in one]
     own = (f.path for f in log.inputs if Recorded(f.path, f.sha256, span).meets_any(used))
     return replace(found, own=tuple(own))
 
 
-def _by_postures(use: InUse, log: LogPass, dwells: Dwells) -> Validation:
+def _by_postures(log: LogInUse, dwells: Dwells) -> Validation:
     log.progress(f"testing the calibration on {len(dwells)} dwells")
-    rig, age = use.campaign.rig.rig, None
+    age = None
     if len(dwells):
         warm = None if dwells.temperature is None else dwells.temperature[0]
-        age = zero_age(use, float(dwells.start[0]), warm)
-    own = _used_before(use, log, dwells)
+        age = log.zero_age(float(dwells.start[0]), warm)
+    own = _used_before(log, dwells)
     alone = len(dwells) - len(own) < ENOUGH  # too few others to judge by
     found = residual_wrench.validate(
-        use.given,
+        log.given,
         dwells,
-        rig=rig,
-        noise=use.reading_noise,
-        known=_known_noise(use),
+        rig=log.rig,
+        noise=log.reading_noise,
+        known=_known_noise(log.calibration),
         age=age,
         aside={} if alone else {k: Finding("posture-used-before", (own[k],)) for k in own},
     )
     return replace(found, own=tuple(dict.fromkeys(own.values())) if alone else ())
 
 
-def _known_noise(use: InUse) -> KnownNoise:
+def _known_noise(c: Calibration) -> KnownNoise:
     """What the calibration found of the noise."""
-    fit = use.calibration.fit
-    if fit is None or use.calibration.motion is not None:  # that is of samples in motion
+    fit = c.fit
+    if fit is None or c.motion is not None:  # that is of samples in motion
         return AS_STATED
     return KnownNoise(max(1.0, fit.birge), fit.dof)
 
 
-def _used_before(use: InUse, log: LogPass, dwells: Dwells) -> dict[int, str]:
+def _used_before(log: LogInUse, dwells: Dwells) -> dict[int, str]:
     """Dwells that went into the calibration itself, each with its log.
 
     By the log's digest and the hours that were used, or by the readings.
     """
-    c, rig = use.calibration, use.campaign.rig.rig
+    c, rig = log.calibration, log.rig
     used = [file for one in files_of(c) for file in one]
     again = repeated_in(readings_of(c, rig.supports), readings(rig, dwells))
     spans = zip(dwells.start.tolist(), dwells.end.tolist(), strict=True)
