@@ -24,7 +24,7 @@ from tdfscal.frozen import field, record, replace
 from tdfscal.model.parameters import layout
 from tdfscal.numerics import least_squares
 from tdfscal.numerics.least_squares import Asked
-from tdfscal.records import ANGLES, BoolArray, FloatArray, Rig
+from tdfscal.records import ANGLES, BoolArray, Drift, FloatArray, Rig
 from tdfscal.significance import (
     CAUSES_APART,
     CERTAIN_SHIFT,
@@ -269,6 +269,40 @@ def moving_zeros(group: str, columns: FloatArray, unit: float) -> Iterator[Suspe
     for i in range(columns.shape[1]):
         yield group, i, columns[:, i], unit, 0.0
     yield f"all {group}", 0, columns.reshape(len(columns), -1), unit, 0.0
+
+
+_HOUR = 3600.0
+
+
+def undeclared_zeros(
+    drift: Drift, time: FloatArray, temperature: FloatArray | None
+) -> Iterator[tuple[str, FloatArray, float]]:
+    """How zeros may move that nobody declared: by what, shape (K, n or 1) of at most 1, unit.
+
+    time : (K,), s. temperature : (K, n), °C, where it is known.
+    """
+    if drift.walk > 0:
+        return
+    line = time[:, None]
+    if not drift.time > 0:
+        yield "drift", _away_from(line[0], line), 1.0
+    elif not drift.parabola > 0:
+        centred = _away_from(line.mean(axis=0), line) ** 2
+        unit = float(np.sqrt(_HOUR / np.ptp(time)))
+        yield "parabola", _away_from(centred.mean(axis=0), centred), unit
+    if temperature is not None and not drift.temperature > 0:
+        warm = _away_from(temperature[0], temperature)
+        if np.any(warm):
+            yield "temperature", warm, 1.0
+
+
+def _away_from(start: FloatArray, values: FloatArray) -> FloatArray:
+    """Values (K, n) from a start (n,), the largest of a column at 1.
+
+    A zero is stated where it was tared, so that it moves from the first posture on.
+    """
+    away = values - start
+    return np.asarray(away / np.maximum(np.abs(away).max(axis=0), np.finfo(float).tiny))
 
 
 def stated_suspects(of: Fitted) -> Iterator[Suspect]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from tdfscal.estimation.score_tests import undeclared_zeros
 from tdfscal.frozen import record, replace
 from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
@@ -160,9 +161,8 @@ def block_design(
     B = seen.wrench(at.wrench)[some]
     delayed = _delayed(seen, F, lambda h: course(lag + h), after, state, moving)
     columns = [seen.transform(at.design), moved, delayed]
-    suspects = suspected(rig, slow)
-    if suspects is not None:
-        columns.append(seen.transform(_zeros_moving(at, suspects.subset(rows))))
+    for _, shape, _ in suspected(rig, slow):
+        columns.append(seen.transform(_zeros_moving(at, shape[rows])))
     # Mean covariance of e for white noise of 1 N on every force component, and of 1 m on every
     # servo coordinate through the registered pose.
     unit_force = np.einsum("k,knab,kncb->ac", weight, own, own, optimize=True)
@@ -225,23 +225,15 @@ def instants(rig: Rig, slow: Slow, position: FloatArray, rows: slice) -> Posture
     return alike(position, slow.force[rows], rig.axes, motion=motion)
 
 
-def suspected(rig: Rig, slow: Slow) -> ZeroMotion | None:
-    """How zeros may move that no declaration lets move."""
-    drift = rig.drift
-    if drifting(rig, slow) is not None or drift.walk > 0:
-        return None
-    warm = float(slow.temperature is not None)
-    return zero_motion(
-        replace(drift, time=1.0, temperature=warm), slow.time, slow.temperature, rig.n
-    )
+def suspected(rig: Rig, slow: Slow) -> list[tuple[str, FloatArray, float]]:
+    """How zeros may move over the log that no declaration lets move; see `undeclared_zeros`."""
+    return list(undeclared_zeros(rig.drift, slow.time, slow.temperature))
 
 
-def _zeros_moving(at: Balance, motion: ZeroMotion) -> FloatArray:
-    """Columns (N, 6, 3 n G) of the amplitudes of zeros that move."""
-    N = len(at.arm)
-    own = -np.moveaxis(at.noise_force, 1, 2)[:, :, None]  # (N, 6, 1, n, 3)
-    value = np.moveaxis(motion.value, 1, 2)[:, None, :, :, None]
-    return np.asarray((own * value).reshape(N, 6, -1))
+def _zeros_moving(at: Balance, shape: FloatArray) -> FloatArray:
+    """Columns (N, 6, 3 n) of the amplitudes of zeros that move by a shape (N, n or 1)."""
+    own = -np.moveaxis(at.noise_force, 1, 2)  # (N, 6, n, 3)
+    return np.asarray((own * shape[:, None, :, None]).reshape(len(own), 6, -1))
 
 
 def drifting(rig: Rig, slow: Slow) -> ZeroMotion | None:

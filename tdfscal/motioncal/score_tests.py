@@ -42,16 +42,15 @@ def suspicions(of: Estimate[MovingFit]) -> tuple[Suspicion, ...]:
 
 
 def _drifts(fit: MovingFit) -> Iterator[Suspect]:
-    """Zeros that move with time or temperature, where the rig file declares none that move."""
-    motion, n = suspected(fit.rig, fit.slow), fit.rig.n
-    if motion is None:
-        return
-    names = ["drift" if kind == "time" else kind for kind in motion.kind]
-    last = len(fit.psi) - fit.rests
-    columns = fit.whiten(fit.data.design[:, last - 3 * n * len(names) : last])
-    columns = np.pad(columns, ((0, len(fit.prior_residual)), (0, 0)))
-    for name, part in zip(names, np.split(columns, len(names), axis=1), strict=True):
-        yield from moving_zeros(name, part.reshape(-1, n, 3), 1.0)
+    """Zeros that move as nobody declared."""
+    n, last = fit.rig.n, len(fit.psi) - fit.rests
+    shapes = suspected(fit.rig, fit.slow)
+    columns = fit.whiten(fit.data.design[:, last - 3 * n * len(shapes) : last])
+    columns = np.pad(columns, ((0, len(fit.prior_residual)), (0, 0))).reshape(
+        len(fit.white), -1, n, 3
+    )
+    for k, (name, _, unit) in enumerate(shapes):
+        yield from moving_zeros(name, columns[:, k], unit)
 
 
 #: Length of a window and the way from one to the next, s.

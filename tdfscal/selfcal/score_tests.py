@@ -39,6 +39,7 @@ from tdfscal.estimation.score_tests import (
     speaking,
     stated_suspects,
     suspicion,
+    undeclared_zeros,
 )
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import layout
@@ -52,8 +53,6 @@ from tdfscal.significance import (
     UNDECLARED_ERROR,
     UNDECLARED_FRICTION_SHARE,
 )
-
-_HOUR = 3600.0
 
 
 def suspicions(
@@ -82,10 +81,9 @@ def _moving_zeros(fit: Fit, time: FloatArray, temperature: FloatArray | None) ->
     rig, priors = fit.rig, len(fit.prior_residual)
     columns = np.pad(fit.all_slopes()[:, layout(rig.n)["zero"]], ((0, priors), (0, 0)))
     zeros = columns.reshape(-1, rig.n, 3)
-    for group, shape in _shapes(fit, time, temperature):
-        size = 1.0 if group != "parabola" else float(np.sqrt(_HOUR / np.ptp(time)))
+    for group, shape, unit in undeclared_zeros(rig.drift, time, temperature):
         each = np.pad(np.repeat(shape, ROWS, axis=0), ((0, priors), (0, 0)))
-        yield from moving_zeros(group, zeros * each[..., None], size)
+        yield from moving_zeros(group, zeros * each[..., None], unit)
 
 
 def _scales(fit: Fit) -> Iterator[Suspect]:
@@ -101,35 +99,6 @@ def _scales(fit: Fit) -> Iterator[Suspect]:
     for i in range(fit.rig.n):
         # Noise of the readings stands in it alike in all postures: over the travel it cancels.
         yield "vertical scale", i, columns[:, [i]], 1.0, 0.0
-
-
-def _shapes(
-    fit: Fit, time: FloatArray, temperature: FloatArray | None
-) -> Iterator[tuple[str, FloatArray]]:
-    """How zeros may move that nobody declared, (K, n) at most 1: by what moves them."""
-    declared = () if fit.postures.motion is None else fit.postures.motion.kind
-    if "walk" in declared:
-        return
-    n = fit.rig.n
-    line = np.repeat(time[:, None], n, axis=1)
-    if "time" not in declared:
-        yield "drift", _away_from(line[0], line)
-    elif "parabola" not in declared:
-        centred = _away_from(line.mean(axis=0), line) ** 2
-        yield "parabola", _away_from(centred.mean(axis=0), centred)
-    if temperature is not None and "temperature" not in declared:
-        warm = _away_from(temperature[0], temperature)
-        if np.any(warm):
-            yield "temperature", warm
-
-
-def _away_from(start: FloatArray, values: FloatArray) -> FloatArray:
-    """Values (K, n) from a start (n,), the largest of a column at 1.
-
-    A zero is stated where it was tared, so that it moves from the first posture on.
-    """
-    away = values - start
-    return np.asarray(away / np.maximum(np.abs(away).max(axis=0), np.finfo(float).tiny))
 
 
 #: Variances that are tried, in units of what equals the stated noise along the columns, before the

@@ -219,4 +219,6 @@ def test_a_zero_that_jumped_is_told_from_one_that_drifts() -> None:
     begin, end = _times(cause)
     assert begin <= 40.1 <= end + 0.1
     found = calibrate_moving(campaign.rig, replace(slow, force=drifting), NOTHING)
-    assert found.reasons[0].code == "zero-drift"
+    cause = found.reasons[0]
+    assert cause.code == "zero-drift"
+    assert cause.size == pytest.approx(10.0, rel=0.05)
