@@ -48,12 +48,6 @@ mountings-alike refuses
   -> {least:record ~ postures or more, tilted and squeezed, or |}state which it is by nominal_rpy
     and rpy_std in rig.yaml (0.2 rad will do){few:|, or squeeze harder, tilt more and record more
     postures, as `tdfscal plan RIG -o plan.csv` chooses them}
-axis-follows refuses
-  the {axis} axis of the sensor of {subject} is declared as not measured, but its reading follows
-  the load: it varies by {size}
-  -> add {axis} to the axes of {subject} in rig.yaml, or check the force fields; where it died on
-    the way, write none in place of its field in `force` of the log block
-  @ log forces
 axes-blind refuses
   the sensors together do not measure forces in all directions, so that the balance of forces and
   moments says nothing of their angles

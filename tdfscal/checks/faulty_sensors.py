@@ -16,8 +16,6 @@ from tdfscal.significance import OF_CAPACITY
 AXES = ("x", "y", "z")
 #: A reading this close to a limit, relative, stands at it.
 _AT = 1e-6
-#: An axis that varies by this share of what the others do, and by so many times its noise, lives.
-_FOLLOWS, _AUDIBLE = 0.1, 10.0
 #: Share of a direction that the axes of all sensors measure, below which they miss it.
 _ALONG = 1e-3
 #: Relative; what rounding makes of one reading.
@@ -48,12 +46,6 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     if len(dwells) > 1:
         stuck = _same(low.min(axis=0), high.max(axis=0)) & (dwells.count.max(axis=0) > 0)[:, None]
         stuck &= rig.axes
-        check_unmeasured(
-            rig.supports,
-            rig.axes,
-            scatter=np.nanstd(dwells.force, axis=0),
-            noise=np.sqrt(np.median(np.diagonal(dwells.force_cov, axis1=2, axis2=3), axis=0)),
-        )
         for i, j in np.argwhere(stuck):
             check_unit(rig, dwells.force)
             raise _stuck(rig, dwells, int(i), int(j), stuck[i])
@@ -157,23 +149,6 @@ def _froze(still: BoolArray, value: FloatArray) -> BoolArray:
     late = np.arange(len(still))[:, None, None] >= len(still) - count
     same = np.all(~still | _same(value, value[-1]), axis=0)
     return np.asarray((count >= _FROZEN) & (count < len(still)) & same & np.all(still == late, 0))
-
-
-def check_unmeasured(
-    supports: tuple[str, ...], axes: BoolArray, *, scatter: FloatArray, noise: FloatArray
-) -> None:
-    """Raise DataError where an axis that the rig file calls not measured follows the load.
-
-    scatter, noise : (n, 3), N, standard deviation of the readings and of their noise alone.
-    """
-    live = axes & (scatter > 0)
-    if axes.all() or not live.any():
-        return
-    moves = scatter > np.maximum(_FOLLOWS * np.median(scatter[live]), _AUDIBLE * noise)
-    for i, j in np.argwhere(~axes & moves):
-        facts: dict[str, Value] = {"axis": AXES[j]}
-        size = float(scatter[i, j])
-        raise DataError(Finding("axis-follows", (supports[i],), size, "N", values=facts))
 
 
 def check_directions(rig: Rig) -> None:

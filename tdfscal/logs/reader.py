@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from tdfscal.catalogue.numbers import when
-from tdfscal.checks.faulty_sensors import check_unmeasured
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.saving import fingerprint
@@ -163,8 +162,6 @@ def iter_log(
     streams = []
     for mapping, own in groups:
         request = make_request(mapping, supports, axes)
-        if axes is not None and not axes.all():
-            _check_silent(expand(own)[0], make_request(mapping, supports), axes)
         stated = request.mapping
         reading = partial(_campaign, own, request)
         streams.append((str(stated.files), stated.clock.record(), reading))
@@ -222,25 +219,6 @@ def _in_turn(paths: Sequence[Path], request: Request, doubts: list[Finding]) -> 
         found = [*doubts, *(replace(f, values={**f.values, "file": str(path)}) for f in said)]
         yield replace(pending, inputs=(entry,), findings=tuple(found))
         doubts = []
-
-
-def _check_silent(path: Path, whole: Request, axes: BoolArray) -> None:
-    """Refuse a log whose beginning shows that an axis follows the load, measured or not."""
-    try:
-        with closing(open_log(path).pieces(whole)) as stream:
-            log = as_log(next(stream, ()), whole)
-    except (DataError, RigError):  # such fields are not there, or hold no numbers
-        return
-    if min(len(force.time) for force in log.force) > 1:
-        readings = [force.value for force in log.force]
-        steps = [np.diff(value, axis=0).std(axis=0) / np.sqrt(2) for value in readings]
-        series = whole.mapping.rows == "timeseries"
-        check_unmeasured(
-            log.supports,
-            axes,
-            scatter=np.array([value.std(axis=0) for value in readings]),
-            noise=np.array(steps) if series else np.zeros(axes.shape),
-        )
 
 
 def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:

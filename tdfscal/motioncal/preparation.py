@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from tdfscal.checks.faulty_sensors import check_directions, check_unmeasured, stuck_axes
+from tdfscal.checks.faulty_sensors import check_directions, stuck_axes
 from tdfscal.checks.log_against_rig import check_unit
 from tdfscal.errors import DataError, TdfscalError
 from tdfscal.estimation.fit import factored_information
@@ -76,18 +76,11 @@ def check_stream(rig: Rig, slow: Slow) -> None:
 
     NotIdentifiableError where the sensors together miss a direction of forces.
 
-    Unfit: a component is dead, or one that is not measured follows the load, or positions are too
-    coarse.
+    Unfit: a component is dead, or positions are too coarse.
     """
     if rig.drift.temperature > 0 and slow.temperature is None:
         raise DataError(Finding("temperature-missing"))
     check_directions(rig)
-    check_unmeasured(
-        rig.supports,
-        rig.axes,
-        scatter=slow.force.std(axis=0),
-        noise=np.diff(slow.force, 2, axis=0).std(axis=0) / np.sqrt(6.0),
-    )
     still = np.ptp(slow.force, axis=0) <= _SAME * np.abs(slow.force).max(axis=0)
     for i in np.flatnonzero((still & rig.axes).any(axis=1)):
         check_unit(rig, slow.force)

@@ -146,13 +146,6 @@ def test_a_coarse_resolution_is_no_frozen_axis() -> None:
     assert screen(RIG, dwells).keep.all()
 
 
-def test_a_log_whose_unmeasured_axis_follows_is_refused() -> None:
-    axes = np.ones((3, 3), dtype=np.bool_)
-    axes[0, 2] = False
-    with pytest.raises(DataError, match=r"z axis of the sensor of ncp1 .*not measured"):
-        screen(replace(RIG, axes=axes), sound())
-
-
 @pytest.mark.parametrize("squeeze", [300.0, 800.0])
 def test_how_much_a_reading_is_cut_off_and_what_squeeze_it_bears(squeeze: float) -> None:
     """By the balance of the others; what was cut off is known from the same campaign without."""

@@ -22,9 +22,9 @@ LACKING = ("TDFS3_Fx", "TDFS3_Fy", "TDFS4_Fx", "TDFS4_Fy", "TDFS4_Fz")
 
 @pytest.fixture(scope="module")
 def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """The same campaign in three formats, all axes recorded."""
+    """The same campaign in two formats, all axes recorded."""
     found = {}
-    for form in ("csv", "parquet", "mcap"):
+    for form in ("csv", "mcap"):
         found[form] = tmp_path_factory.mktemp(form)
         simulate_to_folder(
             found[form], make_rig(4), "self", format=form, postures=3,
@@ -92,9 +92,3 @@ def test_mcap_without_the_topic(folders: dict[str, Path]) -> None:
     assert_lacks(log, read(path, folder))
     with pytest.raises(DataError, match=r"write `axes: \[\]` for ncp4 in rig.yaml"):
         read_log([path], whole, SUPPORTS)
-
-
-@pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
-def test_an_unmeasured_axis_that_follows_the_load(folders: dict[str, Path], form: str) -> None:
-    with pytest.raises(DataError, match="declared as not measured, but its reading follows"):
-        read(folders[form] / f"log.{form}", folders[form], AXES)
