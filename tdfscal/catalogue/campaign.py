@@ -92,8 +92,8 @@ zero-jumped warns
   the zero of {subject} jumped by {change:N} ± {change_95:N} (95 %) along x, y, z of the
   sensor{posture: before posture ~|}{between:time}
   -> look at the cable and amplifier of {subject}, let it settle, and record {campaign:~|the
-    campaign} again{cut:, or write `zero.std: unknown` for {subject} in rig.yaml, calibrate with
-    --to ~ -o before.yaml, and update before.yaml by it with --from ~ -o after.yaml|}
+    campaign} again{until:, or write `zero.std: unknown` for {subject} in rig.yaml, calibrate with
+    --to ~ -o before.yaml,|}{cut: and update before.yaml by it with --from ~ -o after.yaml|}
 contact-stays warns
   something pushed the terminal with {change:N} ± {change_95:N} (95 %) along x, y, z of the {frame}
   from posture {posture} to {last}{between:time}

@@ -35,7 +35,8 @@ class Entry:
     (the size upwards to one digit, as a rig file states it), and the finding's own values, after a
     colon with a unit (± before it: as half an interval), with `time` (two moments), or with words
     for yes|no, where ~ is the value; so have {subjects} for more than one name, {several} for a
-    count above one, {cut} for where to part a log in which something changed between two times, s.
+    count above one, {until} and {cut} for where to end the part before something changed, and to
+    begin the part behind, s.
     clauses : what the sentence goes on with where a value holds. where : what of a campaign it is
     about, where an error says it.
     """
@@ -140,7 +141,11 @@ def _fields(finding: Finding) -> dict[str, Any]:
     fields: dict[str, Any] = {"subject": finding.subject, **finding.values}
     fields["subjects"] = len(finding.subject) > 1
     if isinstance(cut := finding.values.get("cut"), float):
-        fields["cut"] = f"{cut:.1f}"
+        until = cast(float, finding.values.get("until", cut))
+        fields |= {
+            "until": f"{np.floor(10 * until) / 10:.1f}",
+            "cut": f"{np.ceil(10 * cut) / 10:.1f}",
+        }
     std = finding.values.get("std")
     known = [std] if isinstance(std, float) else []
     beside = known.copy()

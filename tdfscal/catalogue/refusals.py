@@ -133,9 +133,9 @@ zero-tared refuses
   the zero of {subject} jumped by ({jump}) N before posture {first:.0f}{between:time}{tared:, as a
   tare makes it|}; without it the residuals fall from {before:.2g} to {after:.2g} times what is
   stated
-  -> {check:tare and record this check again{cut:, or validate one part of it, by --to ~ or --from
-    ~|}|write `zero.std: unknown` for {subject} in rig.yaml{cut:, calibrate with --to ~ -o
-    before.yaml, and update before.yaml by it with --from ~ -o after.yaml|, and give the rows
+  -> {check:tare and record this check again{until:, or validate one part of it, by --to ~|}{cut: or
+    --from ~|}|write `zero.std: unknown` for {subject} in rig.yaml{until:, calibrate with --to ~ -o
+    before.yaml,|}{cut: and update before.yaml by it with --from ~ -o after.yaml|, and give the rows
     before and behind as two campaigns, each in a folder with a rig.yaml}}
   @ log forces
 forces-mirrored refuses

@@ -219,7 +219,11 @@ def suspicion_of(steps: Sequence[Step], of: Estimate[MovingFit]) -> Suspicion:
     return change_suspicion(
         of,
         steps,
-        [step.cause(of.fit.rig, between=list(step.between), cut=step.between[1]) for step in steps],
+        [
+            step.cause(of.fit.rig, between=[begin, end], until=begin, cut=end)
+            for step in steps
+            for begin, end in [step.between]
+        ],
         p_value=steps[0].p_value,
         kind="slip" if any(step.what == "rotation" for step in steps) else "jump",
         move=steps[0].move[: int(of.fit.active.sum())],

@@ -1,5 +1,6 @@
 """From slow streams to a judged result: contacts, refusals, and what is stated of it."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -7,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from tdfscal.catalogue import cure
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.findings import Finding
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
@@ -218,6 +220,8 @@ def test_a_zero_that_jumped_is_told_from_one_that_drifts() -> None:
     assert (cause.code, cause.subject) == ("zero-jumped", ("ncp3",))
     begin, end = _times(cause)
     assert begin <= 40.1 <= end + 0.1
+    until, since = (float(re.findall(rf"--{end} (\S+)", cure(cause))[0]) for end in ("to", "from"))
+    assert until <= begin < end <= since  # neither part holds any of the jump
     found = calibrate_moving(campaign.rig, replace(slow, force=drifting), NOTHING)
     cause = found.reasons[0]
     assert cause.code == "zero-drift"

@@ -15,7 +15,8 @@ from tdfscal.findings import Finding, Severity, Value
 
 PACKAGE = Path(__file__).parents[2] / "tdfscal"
 #: Fields that are made of what every finding has.
-MADE = {"subject", "size", "number", "p", "stated", "subjects", "several", "cut", "harm"}
+MADE = {"subject", "size", "number", "p", "stated", "subjects", "several", "until", "cut"}
+MADE |= {"harm"}
 
 
 def test_every_code_of_the_source_is_in_the_catalogue_and_no_other() -> None:
