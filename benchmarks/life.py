@@ -20,7 +20,7 @@ from benchmarks.frame import declaring, errors, heads, inside, numbers, rms, row
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.recordings import read_campaigns
 from tdfscal.commands.several_campaigns import judged
-from tdfscal.comparison.control_chart import Check, Watch, Watching
+from tdfscal.comparison.control_chart import Check, Watching
 from tdfscal.comparison.history import life_of
 from tdfscal.comparison.members import Recorded
 from tdfscal.comparison.pooling import Pool, pool
@@ -138,7 +138,7 @@ class Drawn:
             checks.append(Check(str(k), float(months[k]), Information(root @ root.T, score)))
         return checks
 
-    def watch(self, checks: History, rate: float = ALARMS_PER_YEAR) -> Watch:
+    def watch(self, checks: History, rate: float = ALARMS_PER_YEAR) -> Watching:
         """Go through a history without a declared walk."""
         still = [np.zeros(len(self.std))] * len(checks)
         return Watching(checks, self.prior, still, self.turns // 3, rate).run()

@@ -18,7 +18,7 @@ walk, and whatever else the filter was told.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Literal
+from typing import Literal, Self
 
 import numpy as np
 
@@ -181,25 +181,14 @@ class Check:
     load: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int_))
 
 
-@record
-class Watch:
-    """The result of going through a history.
-
-    alarms : in the order in which they were raised. steps : variance (C,) of the walk before each
-    check, the jumps of the alarms included. level : (K,), of a check, all its tests together.
-    smallest : (K, n), least p-value of a sensor's tests at each check, among all the check's tests;
-    1 at the first. departure : of the last check from what those before it predicted.
-    """
-
-    alarms: tuple[Alarm, ...]
-    steps: tuple[FloatArray, ...]
-    level: FloatArray
-    smallest: FloatArray
-    departure: Contrast
-
-
 class Watching:
-    """Goes through the checks in the order of time."""
+    """Goes through the checks in the order of time.
+
+    alarms : as they were raised. level : (K,), of a check, all its tests together. smallest :
+    (K, n), least p-value of a sensor's tests at each check, among all the check's tests; 1 at the
+    first. departure : of the last check from what those before it predicted. walk : variance (C,)
+    before each check, the jumps of the alarms included.
+    """
 
     def __init__(
         self,
@@ -217,13 +206,13 @@ class Watching:
         self.level = alarm_level(self.gaps, rate)
         self.smallest = np.ones((len(checks), sensors))
 
-    def run(self) -> Watch:
-        """Return the alarms and the walk with their jumps."""
+    def run(self) -> Self:
+        """Find the alarms, and the walk with their jumps."""
         now, walk = self._through(0), self._walk()
-        departure = now.departure
+        self.departure = now.departure
         for k in range(1, len(self.own)):
             now = now.then(self.own[k], walk[k], self.gaps[k])
-            departure = now.departure
+            self.departure = now.departure
             p = self.smallest[k] = self._p_values(now)
             every = p_value(now.departure.chi2()) / OF_ALL
             if min(p.min(), every) <= self.level[k] and self._loaded(now):
@@ -237,8 +226,8 @@ class Watching:
                 now, walk = self._through(k), self._walk()
                 p = self._p_values(now)
         self.alarms = [self._settled(alarm) for alarm in self.alarms]
-        steps = tuple(self._walk())
-        return Watch(tuple(self.alarms), steps, self.level, self.smallest, departure)
+        self.walk = self._walk()
+        return self
 
     def _walk(self, but: Alarm | None = None) -> list[FloatArray]:
         """Variance (C,) before each check; all alarms are known but one."""

@@ -58,7 +58,7 @@ class Life:
     hinges and datums; seen : (K, n), whether it says anything of that sensor.
     path, path_std : (K, n, 3), rad, roll, pitch, yaw of the smoothed path. mean, limit : (K, n, 3),
     weighted mean between alarms and the half width outside which one angle alone is surprising.
-    level, smallest : as in `control_chart.Watch`. jumps : variance (C,) before each check by which
+    level, smallest : of `Watching`. jumps : variance (C,) before each check by which
     the alarms free the constants. birge : by which all uncertainties were scaled. detectable :
     (n, 3), rad, smallest change of each angle alone that the last check by itself would have shown
     with probability `significance.DETECTION_POWER`.
@@ -128,7 +128,7 @@ def live(
         return [turned(rig, walk * float(np.sqrt(max(gap, 0.0))), size) for gap in gaps]
 
     watch = Watching(checks, prior, steps(rig.drift.angle), n, rate).run()
-    jumps = [a - b for a, b in zip(watch.steps, steps(rig.drift.angle), strict=True)]
+    jumps = [a - b for a, b in zip(watch.walk, steps(rig.drift.angle), strict=True)]
 
     def jumping(walk: float) -> list[FloatArray]:
         return [a + b for a, b in zip(steps(walk), jumps, strict=True)]
@@ -160,7 +160,7 @@ def live(
         path_std=path.rpy_std,
         mean=mean.rpy,
         limit=z * np.sqrt(width),
-        alarms=watch.alarms,
+        alarms=tuple(watch.alarms),
         level=watch.level,
         smallest=watch.smallest,
         jumps=tuple(jumps),

@@ -21,7 +21,7 @@ from tdfscal.comparison.common import (
 )
 from tdfscal.comparison.members import EarlierCalibration, Recorded
 from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import Observation, eliminate, unstated
+from tdfscal.estimation.observation import Observation, unstated
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import free_constants, joint_prior, loosened, turned
@@ -209,19 +209,15 @@ def _member(
         told = part.information.beside(prior)
         chi2, dof = contrast(known, told).chi2()
     else:
-        chi2, dof = _fresh(known, part), part.rows
+        both = known + part.information  # what it adds to χ² of those before it
+        chi2 = max(0.0, float(known.mean @ known.score + part.chi2 - both.mean @ both.score))
+        dof = part.rows
         # Constants of which nothing was stated are determined by the first that has them.
         if shared.terminal[index] == index:
             dof -= unstated(Priors(item.rig), load_alone=index > 0)
     state = item.own_state(at, part, reference)
     exact = item.scores(at, part, shared.places[index])
     return Member(item, part, at, state, rejected, chi2, dof, exact)
-
-
-def _fresh(known: Information, part: Observation) -> float:
-    """χ² that a campaign adds to those before it."""
-    both = known + part.information
-    return max(0.0, float(known.mean @ known.score + part.chi2 - both.mean @ both.score))
 
 
 def _first_round(
@@ -233,33 +229,26 @@ def _first_round(
     """
     fits: list[Fit | None] = [None] * len(ordered)
     rejected: list[dict[int, Finding]] = [{} for _ in ordered]
-    sizes = [0 if item.postures is None else len(item.postures) for item in ordered]
+    sizes = {k: len(one.postures) for k, one in enumerate(ordered) if one.postures is not None}
+    others = [k for k in range(len(ordered)) if k not in sizes]
+    order = [*others, *sorted(sizes, key=lambda k: (-sizes[k], -k))]
     known: Information | None = None
     references: list[State] = []
-
-    def begin(state: State) -> Information:
-        references.extend(with_load(state, nominal(item.rig)) for item in ordered)
-        return shared.stated(references)
-
-    for k, item in enumerate(ordered):
-        if item.start is not None:
-            known = begin(item.start) if known is None else known
-            part = item.observed(None, references[k])
-            known = known + shared.embedded(k, part.information)
-    for k in np.argsort(sizes)[::-1]:
-        item = ordered[k]
-        if item.postures is None:
-            continue
-        rig = item.rig
-        if known is not None:
-            own = shared.of(k, known)
-            rig = replace(rig, earlier=joint_prior(rig, references[k], own))
-        robust = fit_robust(loosened(rig), item.postures)
-        result, rejected[k] = robust.fit, robust.rejected
-        fits[k] = result
-        known = begin(with_motions(result.state, 0)) if known is None else known
-        known = known + shared.embedded(k, eliminate(result, references[k]).information)
-    turns = _turns(ordered, [fits[k] for k in np.argsort(sizes)[::-1]], references[0].rotation)
+    for k in order:
+        item, state = ordered[k], ordered[k].start
+        if item.postures is not None:
+            rig = item.rig
+            if known is not None:
+                rig = replace(rig, earlier=joint_prior(rig, references[k], shared.of(k, known)))
+            robust = fit_robust(loosened(rig), item.postures)
+            fits[k], rejected[k] = robust.fit, robust.rejected
+            state = with_motions(robust.fit.state, 0)
+        if known is None:
+            assert state is not None
+            references = [with_load(state, nominal(one.rig)) for one in ordered]
+            known = shared.stated(references)
+        known = known + shared.embedded(k, item.observed(fits[k], references[k]).information)
+    turns = _turns(ordered, [fits[k] for k in order], references[0].rotation)
     return fits, rejected, [replace(reference, rotation=turns) for reference in references]
 
 

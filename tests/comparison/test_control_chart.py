@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, ncx2
 
-from tdfscal.comparison.control_chart import WINDOWS, Check, Watch, Watching
+from tdfscal.comparison.control_chart import WINDOWS, Check, Watching
 from tdfscal.comparison.history import Life, live
 from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import nominal
@@ -28,7 +28,7 @@ PRIOR = Information(np.diag([1e-4] * 3 * SENSORS + [KNOWN**-2] * HINGES), np.zer
 
 def watched(
     rng: np.random.Generator, turns: FloatArray, *, rate: float = 0.01, gap: float = 1.0
-) -> Watch:
+) -> Watching:
     """Go through checks of a rig whose sensors are turned by turns (months, 9), rad."""
     truth = np.concatenate([np.zeros(3 * SENSORS), KNOWN * rng.standard_normal(HINGES)])
     checks = []
