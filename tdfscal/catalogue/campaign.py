@@ -174,9 +174,10 @@ methods-disagree rejects
   -> calibrate by each method alone and compare: the tracker sees a sensor's body, self-calibration
     its sensing axes (tracker.misalignment states what may lie between)
 posture-over-capacity warns
-  the {axis} axis of the sensor of {subject} reaches its capacity of {size}
+  the {axis} axis of the sensor of {subject} reads {reading:.6g} N{time:time}; its capacity is
+  {size}
 posture-saturated warns
-  the {axis} axis of the sensor of {subject} is saturated at {size}
+  the {axis} axis of the sensor of {subject} is saturated at {reading:.6g} N{time:time}
   -> squeeze less, carry less, or widen the range of sensor and amplifier; how much is cut off is
     not known
 range-exceeded warns
@@ -186,7 +187,7 @@ range-exceeded warns
     it}, or widen the range of sensor and amplifier to {range:N} (or state the true `capacity` in
     rig.yaml)
 posture-frozen warns
-  the {axis} axis of the sensor of {subject} is frozen at {size}
+  the {axis} axis of the sensor of {subject} is frozen at {reading:.6g} N{time:time}
   ? since since {since:when}
   -> look at the sensor's cable and amplifier; where it stays so, leave the axis out of the sensor's
     `axes` in rig.yaml, with none in place of its field in `force` of the log block, or end before

@@ -20,6 +20,8 @@ _AT = 1e-6
 _ALONG = 1e-3
 #: Relative; what rounding makes of one reading.
 _ROUNDED = 1e-9
+#: A reading so many times as large as any other of its axis is no end of a range.
+_LOST = 3.0
 #: Dwells with one reading, of the last, that freeze an axis: no noise repeats itself so often.
 _FROZEN = 3
 
@@ -53,15 +55,18 @@ def screen(rig: Rig, dwells: Dwells) -> Screened:
     capacity, over = _over(rig, dwells)
     for k, i, j in np.argwhere(over):
         code = "posture-over-capacity" if np.isfinite(rig.capacity[i, j]) else "posture-saturated"
-        reasons.setdefault(int(k), _spoilt(code, rig, i, j, float(capacity[i, j])))
+        reasons.setdefault(int(k), _spoilt(code, rig, dwells, (k, i, j), float(capacity[i, j])))
     # One axis without any scatter, where it and the others have some elsewhere, is frozen.
     still = _same(low, high) & (dwells.count >= 8)[..., None]
     lively = rig.axes & (np.mean(~still, axis=0) > 0.5)
     for k, i, j in np.argwhere(still & (lively | _froze(still, low) & rig.axes)):
-        value = float(low[k, i, j])
-        code = "posture-saturated" if _at_limit(dwells, value, i, j) else "posture-frozen"
+        value, others = float(low[k, i, j]), np.abs(high[~_same(high, low[k])[:, i, j], i, j])
+        # A code for a reading that was lost stands far from all that is read.
+        code = "posture-frozen"
+        if _at_limit(dwells, value, i, j) and abs(value) < _LOST * others.max(initial=0.0):
+            code = "posture-saturated"
         since = float(_since(dwells)[i, j])
-        reasons.setdefault(int(k), _spoilt(code, rig, i, j, value, since))
+        reasons.setdefault(int(k), _spoilt(code, rig, dwells, (k, i, j), value, since))
     keep = np.ones(len(dwells), dtype=bool)
     keep[list(reasons)] = False
     if not keep.any():
@@ -162,8 +167,20 @@ def check_directions(rig: Rig) -> None:
         raise NotIdentifiableError(Finding("axes-blind"))
 
 
-def _spoilt(code: str, rig: Rig, i: int, j: int, force: float, since: float = np.nan) -> Finding:
+def _spoilt(
+    code: str,
+    rig: Rig,
+    dwells: Dwells,
+    place: tuple[int, int, int],
+    force: float,
+    since: float = np.nan,
+) -> Finding:
+    """Why a dwell cannot be used; place : dwell, sensor and axis."""
+    k, i, j = place
     facts: dict[str, Value] = {"axis": AXES[j], **({"since": since} if since == since else {})}
+    low, high = float(dwells.force_min[place]), float(dwells.force_max[place])
+    facts |= {"reading": high if high > -low else low}
+    facts |= {"time": [float(dwells.start[k]), float(dwells.end[k])]} if since != since else {}
     return Finding(code, (rig.supports[i],), force, "N", values=facts)
 
 

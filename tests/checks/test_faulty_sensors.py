@@ -11,6 +11,7 @@ from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.records import Dwells, FloatArray, LeftOut, Rig
 from tdfscal.selfcal.pipeline import self_calibrate
+from tests.words import in_words
 
 K = 10
 RIG = replace(simulation.make_rig(), capacity=np.full((3, 3), 5e3))
@@ -136,6 +137,21 @@ ALONE = [0, 1, 2, 3, 5, 6, 7, 8, 9]
 def test_dwells_without_scatter_are_frozen(rows: slice, count: int, left: list[int]) -> None:
     dwells = standing(sound(), 300.0, 1, 1, rows)
     assert kept(RIG, replace(dwells, count=np.full((K, 3), count))) == left
+
+
+@pytest.mark.parametrize(
+    ("value", "code"), [(9999.0, "posture-frozen"), (1500.0, "posture-saturated")]
+)
+def test_a_code_of_a_lost_reading_is_no_range(value: float, code: str) -> None:
+    """Far beyond all other readings; told as it was read, and when."""
+    dwells = standing(sound(), value, 1, 1, slice(4, 5))
+    reach = np.array([dwells.force_min.min(axis=0), dwells.force_max.max(axis=0)])
+    (found,) = screen(
+        replace(RIG, capacity=np.full((3, 3), np.inf)), replace(dwells, force_range=reach)
+    ).reasons.values()
+    assert found.code == code
+    assert (found.values["reading"], found.values["time"]) == (value, [4.0, 4.5])
+    assert f"{value:g} N, between 4" in in_words([found])[0]
 
 
 def test_a_coarse_resolution_is_no_frozen_axis() -> None:
