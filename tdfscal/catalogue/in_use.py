@@ -54,7 +54,8 @@ change-sensor-slipped rejects
   -> fasten this sensor, look at its cable, then calibrate again
 change-zero-jumped rejects
   the zero of {subject} jumped by {change:N} along x, y, z of the sensor, ± {change_95:N} (95
-  %){posture:, before posture ~|}{between:time}
+  %){last:, from posture {posture} to ~|{posture:, before posture ~|}}{between:time}
+  ? last ; a steady pull at that hinge looks alike
   -> look at the sensor, its cable and amplifier, tare, and validate again
 change-zeros-drift rejects
   the zeros of {whose} drift over the log, by up to {size}

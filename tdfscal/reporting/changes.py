@@ -74,8 +74,8 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
                 values["between"] = list(cause.between)
             else:
                 assert isinstance(v, Validation)
-                first = int(v.used[cause.postures[0]])
-                values["posture"] = f"{first + 1} ({start(v, first)} s)"
+                for key, k in zip(("posture", "last"), v.used[list(cause.postures)], strict=False):
+                    values[key] = f"{k + 1} ({start(v, int(k))} s)"
         case "zeros drift" | "zeros follow temperature":
             size, unit = float(np.abs(cause.value).max()), "N"
         case "load changed":

@@ -43,8 +43,11 @@ _GAINS = (
 
 #: At most this share of the postures can be in contact before no cause is named.
 _TOUCHED = 0.4
-#: Postures up to which noise that connects them is tried: its work grows with their cube.
+#: Postures up to which noise that connects them is tried, and zeros that jump and return: the work
+#: grows with their cube, and with their square.
 _CONNECTED = 60
+#: Postures over which a zero is off before it returns; in one a contact is as likely.
+_SHORTEST = 2
 #: Postures that are tried as in contact, those with the largest residuals.
 _SUSPECTS = 20
 
@@ -112,9 +115,10 @@ def _in_course(given: Whitened) -> Iterator[Model]:
         for i in range(at.sensors):
             begin = layout(at.sensors)[group].start + 3 * i
             columns = at.columns[:, begin : begin + 3]
-            first = _likeliest_step(given, columns)
-            after = np.repeat(at.course.step(first), 6, axis=0)
-            yield Model(kind, i, (first,), columns * after)
+            returns = group == "zero" and len(at.own) <= _CONNECTED
+            run = _likeliest_run(given, columns, returns=returns)
+            during = np.repeat(at.course.step(*run), 6, axis=0)
+            yield Model(kind, i, run, columns * during)
     by_zero = at.zero_columns.reshape(len(at.own), 6, at.sensors, 3)
     for warm, shape in at.course.drifts(at.sensors):
         drift: Kind = "zeros follow temperature" if warm else "zeros drift"
@@ -127,24 +131,31 @@ def _in_course(given: Whitened) -> Iterator[Model]:
             yield Model(drift, i, (), columns.reshape(len(at.columns), -1), np.asarray(back))
 
 
-def _likeliest_step(given: Whitened, columns: FloatArray) -> int:
+def _likeliest_run(given: Whitened, columns: FloatArray, *, returns: bool) -> tuple[int, ...]:
     """The posture from which on a step of these columns (6K, 3) lowers χ² most.
 
-    Score and information of every step are sums of its postures' own blocks.
+    returns : whether it may end again, behind the second one, where that is worth an unknown.
+    Score and information of every run are sums of its postures' own blocks.
     """
     K, order = len(given.at.own), np.argsort(given.at.course.time, kind="stable")
     y, M = given.unfolded
+    first, end = np.triu_indices(K + 1, _SHORTEST)
+    kept = (first > 0) & ((end == K) | returns)
+    first, end = np.append(first[kept], K - 1), np.append(end[kept], K)
 
-    def after(other: FloatArray) -> FloatArray:
-        """Sums (K, 3, …) over the postures from each one on, in the order of time."""
+    def during(other: FloatArray) -> FloatArray:
+        """Sums (runs, 3, …) over the postures of each run."""
         each = np.einsum("kba,kbm->kam", columns.reshape(K, 6, 3), other.reshape(K, 6, -1))
-        return np.cumsum(each[order][::-1], axis=0)[::-1]
+        total = np.cumsum(np.concatenate([np.zeros_like(each[:1]), each[order]]), axis=0)
+        return np.asarray(total[end] - total[first])
 
-    score, common = after(y), after(M)
-    information = after(columns) - common @ np.swapaxes(common, 1, 2)
+    score, common = during(y), during(M)
+    information = during(columns) - common @ np.swapaxes(common, 1, 2)
     seen = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
-    gain = np.sum(score * (seen @ score), axis=(1, 2))[1:]
-    return int(order[1 + int(np.argmax(gain))])
+    worth = np.sum(score * (seen @ score), axis=(1, 2)) - given.worth * (end < K)
+    best = int(np.argmax(worth))
+    ends = [first[best]] if end[best] == K else [first[best], end[best] - 1]
+    return tuple(order[ends].tolist())
 
 
 def _scatters(given: Whitened, models: Sequence[Model]) -> list[Cause]:

@@ -37,9 +37,11 @@ class Course:
         warm = None if self.temperature is None else self.temperature[keep]
         return Course(self.time[keep], warm)
 
-    def step(self, first: int) -> FloatArray:
-        """1 at postures (K, 1) that were held with one of them or after it, else 0."""
-        return np.asarray(self.time >= self.time[first], dtype=np.float64)[:, None]
+    def step(self, first: int, last: int | None = None) -> FloatArray:
+        """1 at postures (K, 1) held with one of them or after it, up to a last one, else 0."""
+        until = np.inf if last is None else self.time[last]
+        during = (self.time >= self.time[first]) & (self.time <= until)
+        return np.asarray(during, dtype=np.float64)[:, None]
 
     def drifts(self, sensors: int) -> Iterator[tuple[bool, FloatArray]]:
         """Shapes (K, n, g) of drifts, and whether they are of temperature.
@@ -217,8 +219,8 @@ class Cause:
     """A possible cause, fitted by generalised least squares.
 
     support : index, for a sensor's cause. postures : indices, for a contact; for a step the first
-    one from which on it holds, at rest. between : s, of a step in motion, times between which it
-    lies with 95 %.
+    one from which on it holds, at rest, and the last where it ends again. between : s, of a step in
+    motion, times between which it lies with 95 %.
     value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R), of all
     sensors in turn where several did; a load's mass in kg and barycentre in m, as changes; a zero's
     change in N, where it drifts the largest of each; a gain's change as S (6,): xx, yy, zz, yz, xz,
@@ -340,7 +342,7 @@ def explained(
         value=value,
         std=std,
         gain=gain,
-        weight=gain - (unknowns + (kind in STEPS)) * given.worth,
+        weight=gain - (unknowns + len(postures) * (kind in STEPS)) * given.worth,
         unknowns=unknowns,
         p_value=float(chi2_sf(gain, unknowns)),
         remaining_p=float(chi2_sf(max(given.chi2 - gain, 0.0), given.dof - unknowns)),
