@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,7 +13,6 @@ from tdfscal.commands.campaign import PathLike, no_log, one, resolve, rig_file
 from tdfscal.commands.log_pass import LogPass, Settings, delay_of
 from tdfscal.commands.options import Numbers, Option, Progress, numbers, silent, triple
 from tdfscal.commands.result import CommandResult
-from tdfscal.dwells import find_dwells
 from tdfscal.errors import TdfscalError, UsageError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.writers.plan import plan_csv, time_table_csv
@@ -25,7 +24,7 @@ from tdfscal.planning.candidates import Limits, Request
 from tdfscal.planning.motion import MovingPlan, MovingRequest, plan_motion
 from tdfscal.planning.plan import Plan, make_plan
 from tdfscal.planning.predicted_information import scatter_of
-from tdfscal.records import Dwells, FloatArray, Log, Rig
+from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import plan_document, plan_report
 
@@ -223,22 +222,15 @@ def _noise(rig: Rig, seen: Dwells | None) -> float:
 def _recorded(rig: LoadedRig, progress: Progress) -> tuple[Dwells, FloatArray]:
     """Dwells of what lies beside the rig file, and hinge centres (n, 3), m, BCS.
 
-    These are means over the dwells, or over all samples where nothing rests.
+    These are means over the dwells, or along the motion where nothing rests.
     """
     campaign = resolve([rig.path.parent], rig.path)
     if not campaign.logs:
         raise no_log(rig.path.parent)
-    log, means = LogPass(campaign, Settings(progress)), list[list[FloatArray]]()
-
-    def watched() -> Iterator[Log]:
-        for piece in log.pieces():
-            seen = [series.value for series in piece.position]
-            means.append([x.mean(axis=0) if len(x) else np.full(3, np.nan) for x in seen])
-            yield piece
-
-    progress("reading the log and finding the dwells")
-    dwells = log.noted(find_dwells(watched()))
-    return dwells, np.nanmean(dwells.position if len(dwells) else means, axis=0)
+    log = LogPass(campaign, Settings(progress))
+    dwells = log.dwells()
+    seen = dwells if len(dwells) else log.moving()
+    return dwells, seen.position.mean(axis=0)
 
 
 def _travels(travel: float | str | Sequence[str | float]) -> dict[str | None, tuple[float, ...]]:

@@ -27,7 +27,6 @@ from tdfscal.planning.candidates import (
     Candidates,
     Limits,
     check_noise,
-    displacement,
     hanging,
     room,
 )
@@ -43,7 +42,7 @@ _RAMP, _RAMP_SHARE = 3.0, 0.2
 #: Instants per second at which the limits are held, and which show a slow motion whole.
 _FINE, _RATE = 10.0, 4.0
 #: Rounds in which the angles, which act almost linearly, are brought to their limits.
-_ROUNDS = 6
+_ROUNDS, _ROUNDING = 6, 1e-9
 #: Step of the time table, s.
 TABLE = 0.1
 #: Correlation time, s, of force noise that does not average out within a posture (the rig file's
@@ -95,7 +94,8 @@ class Multisine:
         arm, carried = hanging(rig, R)
         middle = limits.at_home(rig).mean(axis=0) + self.way * signal[:, :3]
         spoke = (rig.hinge - rig.hinge.mean(axis=0)) @ np.swapaxes(R, 1, 2)
-        squeeze = self.force * _internal(rig, limits, arm, signal[:, 6:])
+        modes = internal_modes((rig.hinge - rig.barycentre.value) @ limits.level.T)
+        squeeze = self.force * internal_part(arm, np.tensordot(signal[:, 6:], modes, axes=1))
         return Candidates(R, middle[:, None] + spoke, carried, squeeze)
 
 
@@ -160,26 +160,28 @@ def usual_motion(rig: Rig, request: MovingRequest) -> Multisine:
     time = np.linspace(0.0, duration, max(60, int(_FINE * duration)) + 1)
     signal = _signals(line, duration, time)
     turn, way = _turn(limits, signal[:, 3:6]), _way(limits, signal[:, :3])
-    share = 1.0
-    for _ in range(_ROUNDS):  # both act almost linearly on way and speed
-        R = so3.exp(share * turn * signal[:, 3:6]) @ limits.level
-        use = _use(rig, request, R, share * way * signal[:, :3], time)
+    motion, home = Multisine(rig, request, line, way, turn, 1.0), limits.at_home(rig)
+    for _ in range(_ROUNDS):  # way and speed grow almost linearly with both
+        course = motion.at(time)
+        speed = np.linalg.norm(np.diff(course.place, axis=0), axis=2).max(axis=1) / np.diff(time)
+        gone = np.abs(course.place - home)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            use = np.where(gone > _ROUNDING, gone / limits.travel, 0.0).max()
+        use = max(use, speed.max() / request.speed)
         if use <= 1.0:
             break
-        share /= use * (1 + 1e-9)
-    turn, way = share * turn, share * way
-    R = so3.exp(turn * signal[:, 3:6]) @ limits.level
-    arm, carried = hanging(rig, R)
-    unit = _internal(rig, limits, arm, signal[:, 6:])
-    largest = float(np.linalg.norm(unit, axis=2).max())
+        use *= 1 + _ROUNDING
+        motion = replace(motion, way=motion.way / use, turn=motion.turn / use)
+    course = motion.at(time)
+    largest = float(np.linalg.norm(course.squeeze, axis=2).max())
     force = 0.0 if largest == 0.0 else limits.squeeze / largest
-    left = float(room(rig, limits, carried, force * unit).min())
+    left = float(room(rig, limits, course.carried, force * course.squeeze).min())
     if left < 0.0:
         raise UsageError(
             "the weight alone takes the NCPs or the sensors to their limit of force",
             hint="raise the force limit, tilt less, or correct the capacities that are stated",
         )
-    return Multisine(rig, request, line, way, turn, force * min(left, 1.0))
+    return replace(motion, force=force * min(left, 1.0))
 
 
 def _signals(line: FloatArray, duration: float, time: FloatArray) -> FloatArray:
@@ -190,12 +192,6 @@ def _signals(line: FloatArray, duration: float, time: FloatArray) -> FloatArray:
     turns = line * np.clip(time, 0.0, duration)[:, None] / duration
     wave = np.sin(2 * np.pi * (turns + _GOLDEN * np.arange(len(line))))
     return np.asarray(wave * envelope[:, None])
-
-
-def _internal(rig: Rig, limits: Limits, arm: FloatArray, share: FloatArray) -> FloatArray:
-    """Internal forces (N, n, 3) of shares (N, 3n − 6) in the modes at home."""
-    modes = internal_modes((rig.hinge - rig.barycentre.value) @ limits.level.T)
-    return internal_part(arm, np.tensordot(share, modes, axes=1))
 
 
 def _turn(limits: Limits, signal: FloatArray) -> float:
@@ -213,17 +209,6 @@ def _way(limits: Limits, signal: FloatArray) -> FloatArray:
     """Size (3,), m, of translations (N, 3) that end with the travel; 0 where none is stated."""
     room = limits.travel.min(axis=0)
     return np.asarray(np.where(np.isfinite(room), room, 0.0) / np.abs(signal).max(axis=0))
-
-
-def _use(
-    rig: Rig, request: MovingRequest, R: FloatArray, shift: FloatArray, time: FloatArray
-) -> float:
-    """Largest share that is used of travel and speed; above 1 is beyond it."""
-    way = displacement(rig, request.limits, R) + shift[:, None]
-    moving = np.linalg.norm(np.diff(way, axis=0), axis=2).max(axis=1) / np.diff(time)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        used = np.where(np.abs(way) > 1e-9, np.abs(way) / request.limits.travel, 0.0)
-    return float(max(used.max(), moving.max() / request.speed))
 
 
 def forecast(motion: Multisine, rng: np.random.Generator, draws: int = DRAWS) -> Forecast:
