@@ -182,31 +182,36 @@ def statistic(at: Balance, weight: FloatArray) -> FloatArray:
     return parts[0] if len(parts) == 1 else triangular(np.concatenate(parts))
 
 
-def solve_statistic(
-    rig: Rig,
-    at: Balance,
-    compressed: FloatArray,
-    start: State,
-    priors: Priors,
-    *,
-    pull: FloatArray | None = None,
-    iterations: int = STEPS,
-) -> Solution[State]:
-    """Gauss–Newton on the compressed postures and the priors; pull : as in `solve`."""
+@record
+class Problem:
+    """Postures compressed at a balance, and what is stated.
 
-    def psi(state: State) -> tuple[FloatArray, FloatArray]:
-        return features(state, at, rig.gravity), features_jacobian(state, at, rig.gravity)
+    compressed : (≤ q, q), as `statistic` forms it.
+    """
 
-    return solve(
-        compressed,
-        psi,
-        priors,
-        retract,
-        start,
-        priors.active,
-        pull=pull,
-        iterations=iterations,
-    )
+    at: Balance
+    compressed: FloatArray
+    priors: Priors
+
+    @property
+    def rig(self) -> Rig:
+        """The rig."""
+        return self.priors.rig
+
+    def features(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """ψ (q,) at a state, and its derivative (q, P)."""
+        g = self.rig.gravity
+        return features(state, self.at, g), features_jacobian(state, self.at, g)
+
+    def solved(
+        self, start: State, *, pull: FloatArray | None = None, iterations: int = STEPS
+    ) -> Solution[State]:
+        """Gauss–Newton on the compressed postures and the priors; pull : as in `solve`."""
+        active = self.priors.active
+        return solve(
+            self.compressed, self.features, self.priors, retract, start, active,
+            pull=pull, iterations=iterations,
+        )  # fmt: skip
 
 
 def at_state(
@@ -250,7 +255,7 @@ def fit(rig: Rig, postures: Postures, start: State, weight: FloatArray | None = 
     for _ in range(_PASSES):
         at = balance(postures, state, rig.barycentre.value, rig.gravity)
         pull = noise_pull(at, state, at.information * weight[:, None, None])
-        solution = solve_statistic(rig, at, statistic(at, weight), state, priors, pull=pull)
+        solution = Problem(at, statistic(at, weight), priors).solved(state, pull=pull)
         iterations += solution.iterations
         step = deviation(solution.state, state)[priors.active]
         state = solution.state

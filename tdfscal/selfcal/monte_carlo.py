@@ -24,7 +24,7 @@ from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.numerics.rotation_fits import crossed, descend, stacked, turning
 from tdfscal.records import BoolArray, FloatArray, IntArray
-from tdfscal.selfcal.estimator import Fit, statistic
+from tdfscal.selfcal.estimator import Fit, Problem, statistic
 from tdfscal.selfcal.mounting_search import Profile, profile
 
 #: Trials solved together: what fits into a cache.
@@ -59,8 +59,8 @@ class Sampler:
         self.fit = fit
         self.inflate = max(1.0, birge)
         priors = Priors(fit.rig, fit.postures.motion)
-        compressed, pull = statistic(fit.at, fit.weight), fit.feature_pull
-        self.profile = profile(fit.rig, fit.at, compressed, fit.state, priors, pull=pull)
+        problem = Problem(fit.at, statistic(fit.at, fit.weight), priors)
+        self.profile = profile(problem, fit.state, pull=fit.feature_pull)
         _, values, right = np.linalg.svd(self.profile.root, full_matrices=False)
         keep = values > values[0] * len(values) * np.finfo(float).eps
         self.root = values[keep, None] * right[keep]  # R, up to a turn of its rows

@@ -19,7 +19,7 @@ import numpy as np
 from tdfscal.estimation.fit import Priors, scored
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, parameter_count, retract, starting_state
-from tdfscal.model.statics import Balance, Postures, balance, features, features_jacobian
+from tdfscal.model.statics import Balance, Postures, balance, features
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf, normal_quantile
 from tdfscal.numerics.least_squares import spectrum
@@ -29,9 +29,9 @@ from tdfscal.selfcal.estimator import (
     LOOK,
     ROWS,
     Fit,
+    Problem,
     at_state,
     fit,
-    solve_statistic,
     spread,
     statistic,
 )
@@ -77,28 +77,17 @@ def turns_from(state: State) -> FloatArray:
 
 
 def profile(
-    rig: Rig,
-    at: Balance,
-    compressed: FloatArray,
-    state: State,
-    priors: Priors,
-    *,
-    pull: FloatArray | None = None,
-    mixing: float = 0.0,
+    of: Problem, state: State, *, pull: FloatArray | None = None, mixing: float = 0.0
 ) -> Profile:
     """Eliminate all parameters but the rotations, linearised about a state.
 
-    Parameters
-    ----------
-    compressed : (≤ q, q), of the whitened design, as `estimator.statistic` forms it.
     pull : (q,), part of the features' score that is taken away; default none.
-    mixing : standard deviation of what may be added to every entry of each X. About a far state
-        it stands for gain and crosstalk, whose columns belong to one rotation.
+    mixing : standard deviation of what may be added to every entry of each X. About a far state it
+    stands for gain and crosstalk, whose columns belong to one rotation.
     """
-    n = state.n
-    linear = linear_in_rotations(state, at, rig.gravity)
-    jacobian = features_jacobian(state, at, rig.gravity)[:, priors.active]
-    other = np.flatnonzero(priors.active) >= 3 * n
+    n, compressed, priors = state.n, of.compressed, of.priors
+    linear, slope = linear_in_rotations(state, of.at, of.rig.gravity), of.features(state)[1]
+    jacobian, other = slope[:, priors.active], np.flatnonzero(priors.active) >= 3 * n
     residual, rows = priors(state)
     below = rows[:, ~other] @ turns_from(state)
     below[:, -1] += residual
@@ -112,7 +101,6 @@ def profile(
         below = np.concatenate([below, np.zeros((9 * n, 9 * n + 1))])
     of_postures = compressed @ linear
     if pull is not None:
-        slope = features_jacobian(state, at, rig.gravity)
         offset = scored(compressed, slope, priors(state)[1], priors.active, pull)
         of_postures[:, -1] -= offset[: len(compressed)]
         below[:, -1] -= offset[len(compressed) :]
@@ -177,13 +165,12 @@ def best_start(rig: Rig, postures: Postures) -> Fit:
     start = starting_state(rig, postures.motions)
     everyone, priors = np.ones(len(postures)), Priors(rig, postures.motion)
     at = balance(postures, start, rig.barycentre.value, rig.gravity)
-    compressed = statistic(at, everyone)
+    problem = Problem(at, statistic(at, everyone), priors)
     anywhere = np.random.default_rng(0).standard_normal((_DRAWN, rig.n, 3, 3))
     starts = np.concatenate([start.rotation[None], so3.project(anywhere)])
     tried = []
-    for rotation in minima(rig, at, compressed, start, priors, starts):
-        begin = replace(start, rotation=rotation)
-        solution = solve_statistic(rig, at, compressed, begin, priors, iterations=LOOK)
+    for rotation in minima(problem, start, starts):
+        solution = problem.solved(replace(start, rotation=rotation), iterations=LOOK)
         tried.append(at_state(rig, postures, solution.state, everyone))
     if not rig.axes.all():
         tried += _leaning(rig, postures, _likeliest(tried))
@@ -224,16 +211,15 @@ def robust_cost(result: Fit, scale: float) -> float:
 def rivals(result: Fit) -> list[Rival]:
     """Other mountings that explain the used postures, the likeliest first."""
     rig, priors = result.rig, Priors(result.rig, result.postures.motion)
-    compressed = statistic(result.at, result.weight)
+    problem = Problem(result.at, statistic(result.at, result.weight), priors)
     starts = near_starts(result.state.rotation)
     scale = max(1.0, result.cost / max(1, result.dof))
     here = result.state.rotation
     found: list[Rival] = []
-    for rotation in minima(rig, result.at, compressed, result.state, priors, starts):
+    for rotation in minima(problem, result.state, starts):
         if apart(rotation, here, rig.axes) <= APART:
             continue
-        begin = replace(result.state, rotation=rotation)
-        solution = solve_statistic(rig, result.at, compressed, begin, priors)
+        solution = problem.solved(replace(result.state, rotation=rotation))
         rival = Rival(solution.state, (solution.cost - result.cost) / scale)
         if rival.gap < _NEAR * float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2:
             again = fit(rig, result.postures, solution.state, result.weight)
@@ -257,24 +243,13 @@ def describe(rig: Rig, state: State, rival: State) -> str:
     )
 
 
-def minima(
-    rig: Rig,
-    at: Balance,
-    compressed: FloatArray,
-    state: State,
-    priors: Priors,
-    starts: FloatArray,
-) -> list[FloatArray]:
+def minima(of: Problem, state: State, starts: FloatArray) -> list[FloatArray]:
     """Distinct minima (n, 3, 3) of the cost over all mountings, the lowest first.
 
-    Parameters
-    ----------
-    at, compressed : the balance at some state, and the postures as `estimator.statistic` forms
-        them there. state : its other parameters are the ones that the search starts from.
-    starts : (T, n, 3, 3).
+    state : its other parameters are the ones that the search starts from. starts : (T, n, 3, 3).
     """
-    mixing = rig.declared.force_sensitivity
-    root = profile(rig, at, compressed, state, priors, mixing=mixing).root
+    axes = of.rig.axes
+    root = profile(of, state, mixing=of.rig.declared.force_sensitivity).root
     found = descend(root, starts, iterations=_DESCENT, tolerance=1e-3)
     order = np.argsort(found.cost, kind="stable")
     limit = _WORTH * float(found.cost[order[0]]) + _MARGIN
@@ -282,7 +257,7 @@ def minima(
     kept: list[FloatArray] = []
     while len(left) and len(kept) < _OFFERED:
         kept.append(left[0])
-        left = left[apart(left, left[0], rig.axes) > APART]
+        left = left[apart(left, left[0], axes) > APART]
     return kept
 
 

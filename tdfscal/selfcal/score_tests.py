@@ -26,7 +26,7 @@ Patterson, Thompson: Recovery of inter-block information when block sizes are un
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -101,13 +101,13 @@ def _scales(fit: Fit) -> Iterator[Suspect]:
         yield "vertical scale", i, columns[:, [i]], 1.0, 0.0
 
 
-#: Variances that are tried, in units of what equals the stated noise along the columns, before the
+#: Variances that are tried, in units of what adds that of the stated noise to all rows, before the
 #: best is sought between the neighbours of the likeliest, by its logarithm to this tolerance.
-_RATIO, _FINE = np.geomspace(1e-2, 1e5, 13), 0.03
+_TRIED, _FINE = np.log(np.geomspace(1e-2, 1e5, 13) / ROWS), 0.03
 #: Postures from which on the parameters follow next to none of the noise.
 _MANY = 300
-#: Shares of the largest variance below which there is none: of a posture, of a walk's mode.
-_ROUNDING, _NO_MODE = 1e-12, 1e-9
+#: Share of the largest variance along a column below which there is none.
+_ROUNDING = 1e-12
 #: Standard deviations of the likelihood's slope below which no variance is sought.
 _ASKED = 1.5
 #: Columns of walks that are looked at, of the slowest modes of all channels together: ten modes
@@ -119,16 +119,8 @@ _ROOT_HOUR = 60.0
 
 def scatters(of: Estimate[Fit]) -> list[Suspicion]:
     """All noise that is white from posture to posture, each with the size that it may have."""
-    fit, parts = of.fit, of.parts
-    K, found = len(fit.weight), []
-    white, left = fit.white[: ROWS * K].reshape(K, ROWS), _left(parts, K)
-    for kind, support, columns in noise_columns(fit):
-        theta, gain = best_variance(columns, white, left)
-        if gain <= 0:
-            continue
-        through = np.einsum("kap,kab->pkb", left, columns).reshape(left.shape[2], -1)
-        found.append(_suspicion(of, kind, support, theta, gain, parts.root @ through))
-    return found
+    K = len(of.fit.weight)
+    return _variances(of, K, ((*each, 1.0) for each in noise_columns(of.fit)))
 
 
 def wandering(of: Estimate[Fit], time: FloatArray) -> list[Suspicion]:
@@ -136,17 +128,32 @@ def wandering(of: Estimate[Fit], time: FloatArray) -> list[Suspicion]:
 
     time : (K,), s, when each posture was held.
     """
-    fit, parts = of.fit, of.parts
-    if fit.postures.motion is not None and "walk" in fit.postures.motion.kind:
+    if of.fit.rig.drift.walk > 0:
         return []
-    found, rows = [], ROWS * len(fit.weight)
-    for kind, support, columns in _walks(fit, time):
-        through = parts.left[:rows].T @ columns
-        score = columns.T @ fit.white[:rows]
-        theta, gain = _likeliest_walk(columns.T @ columns - through.T @ through, score)
-        if gain > 0:
-            moved = parts.root @ through
-            found.append(_suspicion(of, kind, support, theta, gain, moved, _ROOT_HOUR))
+    return _variances(of, 1, ((*each, _ROOT_HOUR) for each in _walks(of.fit, time)))
+
+
+def _variances(
+    of: Estimate[Fit], groups: int, suspects: Iterator[tuple[str, int, FloatArray, float]]
+) -> list[Suspicion]:
+    """Each suspect with the size that it may have.
+
+    suspects : key of `CODES`, support, columns (groups, rows, m), and what a unit of them is.
+    """
+    parts, rows, found = of.parts, ROWS * len(of.fit.weight), []
+    white = of.fit.white[:rows].reshape(groups, -1)
+    left = parts.left[:rows].reshape(*white.shape, -1)
+    for kind, support, columns, unit in suspects:
+        theta, gain = best_variance(columns, white, left)
+        if gain <= 0:
+            continue
+        size, p_value = float(np.sqrt(theta)), float(chi2_sf(gain, 1)) / 2  # θ at its bound else
+        weight = gain - float(np.log(max(of.fit.rows, 2)))
+        through = np.swapaxes(columns, 1, 2) @ left  # (groups, m, r)
+        moved = parts.root @ through.reshape(-1, left.shape[2]).T
+        move = size * np.linalg.norm(moved, axis=1)  # by independent units
+        doubt = (kind, support, unit * size, move, p_value, weight)
+        found.append(suspicion(of.fit.rig, of.uncertainty, *doubt))
     return found
 
 
@@ -165,7 +172,7 @@ def chance(columns: FloatArray, parts: Spectrum, white: FloatArray) -> float:
     mean = float(np.sum(columns**2) - np.trace(known))
     overlap = np.einsum("kab,pka,pkb->", own, through, through, optimize=True)
     square = float(np.sum(own**2) - 2 * overlap + np.sum(known**2))
-    if square <= _NO_MODE * np.sum(own**2):
+    if square <= _ROUNDING * np.sum(own**2):
         return 1.0
     residual = white[: ROWS * K].reshape(K, ROWS)
     score = float(np.sum(np.einsum("kab,ka->kb", columns, residual) ** 2))
@@ -175,23 +182,6 @@ def chance(columns: FloatArray, parts: Spectrum, white: FloatArray) -> float:
 def _left(parts: Spectrum, postures: int) -> FloatArray:
     """What the parameters do to the residuals (K, 6, r), orthonormal with the prior's rows."""
     return parts.left[: ROWS * postures].reshape(postures, ROWS, -1)
-
-
-def _suspicion(
-    of: Estimate[Fit],
-    kind: str,
-    support: int,
-    theta: float,
-    gain: float,
-    moved: FloatArray,
-    unit: float = 1.0,
-) -> Suspicion:
-    """Suspicion of a variance; moved : (p, …), of the parameters by independent units of it."""
-    size = float(np.sqrt(theta))
-    p_value = float(chi2_sf(gain, 1)) / 2  # without it θ stands at its bound
-    weight = gain - float(np.log(max(of.fit.rows, 2)))
-    move = size * np.linalg.norm(moved, axis=1)
-    return suspicion(of.fit.rig, of.uncertainty, kind, support, unit * size, move, p_value, weight)
 
 
 def noise_columns(fit: Fit) -> Iterator[tuple[str, int, FloatArray]]:
@@ -213,23 +203,20 @@ def noise_columns(fit: Fit) -> Iterator[tuple[str, int, FloatArray]]:
 def best_variance(columns: FloatArray, white: FloatArray, left: FloatArray) -> tuple[float, float]:
     """Variance θ ≥ 0 with the largest likelihood, and by how much it lowers −2 ln L.
 
-    columns : (K, 6, m). white : (K, 6). left : (K, 6, r), orthonormal with the prior's rows: what
-    the parameters do to the residuals.
+    columns : (K, a, m), of groups whose noise is independent. white : (K, a). left : (K, a, r),
+    orthonormal with the prior's rows: what the parameters do to the residuals.
     """
-    values, vectors = np.linalg.eigh(columns @ np.swapaxes(columns, 1, 2))
-    values = np.maximum(values, 0.0)
-    size = float(values.sum(axis=1).mean())
-    if size <= 0:
-        return 0.0, 0.0
-    along = np.einsum("kab,ka->kb", vectors, white).ravel()
-    turned = (np.swapaxes(vectors, 1, 2) @ left).reshape(len(along), -1)
-    each = values.ravel()
-    heard = each > _ROUNDING * each.max()  # what has no such variance stays as it is
-    each, along, turned = each[heard], along[heard], turned[heard]
+    values, vectors = np.linalg.eigh(np.swapaxes(columns, 1, 2) @ columns)
+    heard = values > _ROUNDING * values.max(initial=0.0)  # what has no such variance stays
+    unit = columns @ (vectors / np.sqrt(np.where(heard, values, np.inf))[:, None, :])
+    unit, each = np.swapaxes(unit, 1, 2), values[heard]
+    along, turned = (unit @ white[..., None])[heard][:, 0], (unit @ left)[heard]
     # Slope of the likelihood at 0, against its own scatter: most sensors ask for nothing.
     asked = float(each @ (along**2 + np.sum(turned**2, axis=1) - 1.0))
-    if asked < _ASKED * np.sqrt(2.0 * float(each @ each)):
+    if not len(each) or asked < _ASKED * np.sqrt(2.0 * float(each @ each)):
         return 0.0, 0.0
+    from scipy.optimize import minimize_scalar  # slow to import, seldom needed
+
     whole = (1.0 + _ROUNDING) * np.eye(turned.shape[1])
 
     def cost(logarithm: float) -> float:
@@ -244,50 +231,23 @@ def best_variance(columns: FloatArray, white: FloatArray, left: FloatArray) -> t
         pulled = np.linalg.solve(lower, change)
         return total - float(pulled @ pulled) + 2.0 * float(np.sum(np.log(np.diagonal(lower))))
 
-    return _lowest(cost, size, float(along @ along))
-
-
-def _lowest(cost: Callable[[float], float], size: float, at_zero: float) -> tuple[float, float]:
-    """Variance θ ≥ 0 at which cost(ln θ) is lowest, and how far below its value at θ = 0.
-
-    size : whitened variance that θ = 1 adds, on the mean.
-    """
-    from scipy.optimize import minimize_scalar  # slow to import, seldom needed
-
-    tried = np.log(_RATIO / size)
-    step = tried[1] - tried[0]
-    near = min(tried, key=cost)
+    tried = _TRIED - np.log(each.sum() / white.size)
+    near, step = min(tried, key=cost), tried[1] - tried[0]
     best = minimize_scalar(
         cost, bounds=(near - step, near + step), method="bounded", options={"xatol": _FINE}
     )
-    gain = at_zero - float(best.fun)
+    gain = float(along @ along) - float(best.fun)
     return (float(np.exp(best.x)), gain) if gain > 0 else (0.0, 0.0)
 
 
 def _walks(fit: Fit, time: FloatArray) -> Iterator[tuple[str, int, FloatArray]]:
-    """Whitened columns (6 K, m) of the modes of walks of 1 N/√s."""
+    """Whitened columns (1, 6 K, m) of the modes of walks of 1 N/√s."""
     n, K = fit.rig.n, len(fit.weight)
     modes, most = walk_modes(1.0, time)[0], _COLUMNS if K <= _MANY else _COLUMNS_OF_MANY
     modes = modes[:, np.argsort(-np.linalg.norm(modes, axis=0))[: max(1, most // (3 * n))]]
     by_zero = fit.slopes[:, :, layout(n, fit.state.motions)["zero"]]
     J = (by_zero * fit.rig.axes.ravel()).reshape(K, ROWS, n, 3)
-    each = [np.einsum("kaj,kg->kagj", J[:, :, i], modes).reshape(ROWS * K, -1) for i in range(n)]
-    yield "all walk", 0, np.concatenate(each, axis=1)
+    each = np.einsum("kaij,kg->ikagj", J, modes).reshape(n, 1, ROWS * K, -1)
+    yield "all walk", 0, np.concatenate(each, axis=2)
     for i, columns in enumerate(each):
         yield "walk", i, columns
-
-
-def _likeliest_walk(square: FloatArray, score: FloatArray) -> tuple[float, float]:
-    """θ with the largest likelihood, and by how much it lowers −2 ln L; HᵀH (m, m), Hᵀ r (m,)."""
-    values, vectors = np.linalg.eigh(square)
-    seen = values > _NO_MODE * max(float(values.max(initial=0.0)), np.finfo(float).tiny)
-    values = values[seen]
-    if not len(values):
-        return 0.0, 0.0
-    along = (vectors[:, seen].T @ score) ** 2 / values
-
-    def cost(logarithm: float) -> float:
-        grown = 1.0 + np.exp(logarithm) * values
-        return float(np.sum(np.log(grown) + along / grown))
-
-    return _lowest(cost, float(values.mean()), float(along.sum()))
