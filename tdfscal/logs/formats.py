@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import stat
-from collections.abc import Sequence, Set
+from collections.abc import Iterator, Sequence, Set
+from contextlib import contextmanager
 from fnmatch import fnmatch
 from pathlib import Path, PurePosixPath
 from typing import Final
@@ -156,26 +157,26 @@ def has_metadata(folder: Path) -> bool:
 
     Raises UsageError where it may not be looked into.
     """
-    try:
+    with _looking_into(folder):
         return (folder / _METADATA).is_file()
-    except PermissionError as error:
-        raise _closed(folder, error) from error
 
 
 def entries_of(folder: Path) -> list[Path]:
     """List a folder. Raises UsageError where that is not allowed."""
-    try:
+    with _looking_into(folder):
         return list(folder.iterdir())
+
+
+@contextmanager
+def _looking_into(folder: Path) -> Iterator[None]:
+    try:
+        yield
     except OSError as error:
-        raise _closed(folder, error) from error
-
-
-def _closed(folder: Path, error: OSError) -> UsageError:
-    return UsageError(
-        f"the folder cannot be looked into ({error.strerror})",
-        where=str(folder),
-        hint="make it readable, or name the logs themselves",
-    )
+        raise UsageError(
+            f"the folder cannot be looked into ({error.strerror})",
+            where=str(folder),
+            hint="make it readable, or name the logs themselves",
+        ) from error
 
 
 def refuse_unfinished(folder: Path, named: Set[Path] = frozenset()) -> None:

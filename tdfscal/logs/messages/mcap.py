@@ -44,10 +44,6 @@ _READ: Final = frozenset(
 _HINT: Final = "copy the recording again"
 
 
-class _CutShortError(Exception):
-    """The file ends within the record at hand."""
-
-
 class McapFile(Recording):
     """One MCAP file."""
 
@@ -80,7 +76,7 @@ class McapFile(Recording):
                     elif opcode != Opcode.MESSAGE:
                         with self._placed("a record is damaged"):
                             self._take(opcode, content)
-            except _CutShortError:
+            except EOFError:
                 if loose:
                     yield self._found(loose)
                 if ended:
@@ -94,8 +90,8 @@ class McapFile(Recording):
     def _records(self, file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
         """Yield the records that are read here, to the footer.
 
-        size : bytes of the file that were written. Raises _CutShortError where a record is not
-        whole, DataError for bytes behind the end.
+        size : bytes of the file that were written. Raises EOFError where a record is not whole,
+        DataError for bytes behind the end.
         """
         opcode, crc = 0, zlib.crc32(_MAGIC)
         while opcode != Opcode.FOOTER:
@@ -104,7 +100,7 @@ class McapFile(Recording):
             opcode, length = RECORD.unpack(head) if len(head) == RECORD.size else (0, 0)
             # What was never written is zero, however little of it there is.
             if not opcode or length > size - file.tell():
-                raise _CutShortError
+                raise EOFError
             content = file.read(length) if opcode in _READ else b""
             crc, left = zlib.crc32(content, zlib.crc32(head, crc)), length - len(content)
             while left:
@@ -116,7 +112,7 @@ class McapFile(Recording):
                 crc = 0  # the summary's own begins
         self._start = file.tell()
         if self._start + len(_MAGIC) > size:
-            raise _CutShortError
+            raise EOFError
         if self._start + len(_MAGIC) < size:
             raise DataError(f"bytes follow the end of the recording at byte {self._start}")
         self.checked = self._covered or (self.checked and self._counted)
