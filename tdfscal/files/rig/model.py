@@ -15,27 +15,8 @@ from pydantic import (
 )
 from typing_extensions import TypeAliasType
 
-from tdfscal.files.field_types import (
-    UNKNOWN,
-    Amount,
-    Date,
-    Known,
-    Label,
-    Matrix3,
-    Name,
-    PositiveAmount,
-    PositiveVector,
-    Sha256,
-    Std,
-    Stds,
-    Strict,
-    Text,
-    Vector,
-    WithStd,
-    block,
-    fault,
-    key,
-)
+from tdfscal.files import field_types as kind
+from tdfscal.files.field_types import Known, Strict, block, fault, key
 from tdfscal.files.rig.recorders import LogBlocks, TrackerBlock, check_recorders
 from tdfscal.records import FloatArray
 
@@ -58,14 +39,14 @@ def _near(given: tuple[float, float, float]) -> tuple[float, float, float]:
     return given
 
 
-PlaceOnTerminal = TypeAliasType("PlaceOnTerminal", Annotated[Vector, AfterValidator(_near)])
+PlaceOnTerminal = TypeAliasType("PlaceOnTerminal", Annotated[kind.Vector, AfterValidator(_near)])
 
 
 class Gravity(Strict):
     """Gravity along −Z of the BCS: magnitude in m/s², tilt_std in rad per horizontal axis."""
 
-    magnitude: PositiveAmount = key("m/s²: along −Z of the BCS", 9.80665)
-    tilt_std: Amount = key("rad: levelness of the BCS, per horizontal axis", 0.0)
+    magnitude: kind.PositiveAmount = key("m/s²: along −Z of the BCS", 9.80665)
+    tilt_std: kind.Amount = key("rad: levelness of the BCS, per horizontal axis", 0.0)
 
 
 def check_inertia(given: Any) -> Any:
@@ -88,16 +69,16 @@ def check_inertia(given: Any) -> Any:
     return given
 
 
-BodyInertia = TypeAliasType("BodyInertia", Annotated[Matrix3, AfterValidator(check_inertia)])
-VectorQuantity = Known[Vector, Stds]
+BodyInertia = TypeAliasType("BodyInertia", Annotated[kind.Matrix3, AfterValidator(check_inertia)])
+VectorQuantity = Known[kind.Vector, kind.Stds]
 
 
 class Terminal(Strict):
     """The terminal with all it carries: mass in kg, barycentre in m in the LCS, inertia."""
 
-    mass: Annotated[Known[PositiveAmount, Std], WithStd] = key("kg: quantity")
-    barycenter: Annotated[Known[PlaceOnTerminal, Stds], WithStd] = key("m: quantity, LCS")
-    inertia: Annotated[Known[BodyInertia, Std], WithStd] | None = key(
+    mass: Annotated[Known[kind.PositiveAmount, kind.Std], kind.WithStd] = key("kg: quantity")
+    barycenter: Annotated[Known[PlaceOnTerminal, kind.Stds], kind.WithStd] = key("m: quantity, LCS")
+    inertia: Annotated[Known[BodyInertia, kind.Std], kind.WithStd] | None = key(
         "kg m²: quantity, 3 × 3 about the LCS origin; used in motion only", None
     )
 
@@ -105,20 +86,20 @@ class Terminal(Strict):
 class Campaign(Strict):
     """When, where, by whom and with what data were recorded; date: ISO 8601, a day or a time."""
 
-    date: Date | None = key("ISO 8601; where the log has no wall clock", None)
-    operator: Text | None = key("who ran the campaign", None)
-    site: Text | None = key("where it was run", None)
-    tracker: Label | None = key("serial and certificate of the laser tracker", None)
-    scale: Label | None = key("serial and certificate of what weighed the terminal", None)
-    note: Text | None = key("anything else to keep with it", None)
+    date: kind.Date | None = key("ISO 8601; where the log has no wall clock", None)
+    operator: kind.Text | None = key("who ran the campaign", None)
+    site: kind.Text | None = key("where it was run", None)
+    tracker: kind.Label | None = key("serial and certificate of the laser tracker", None)
+    scale: kind.Label | None = key("serial and certificate of what weighed the terminal", None)
+    note: kind.Text | None = key("anything else to keep with it", None)
 
 
 class Sensor(Strict):
     """A sensor's papers, carried to report and certificate; due: day of its next calibration."""
 
-    serial: Label | None = key("serial number of the sensor", None)
-    certificate: Label | None = key("number of its certificate", None)
-    due: Date | None = key("day of its next calibration, ISO 8601", None)
+    serial: kind.Label | None = key("serial number of the sensor", None)
+    certificate: kind.Label | None = key("number of its certificate", None)
+    due: kind.Date | None = key("day of its next calibration, ISO 8601", None)
 
 
 def _angles(given: Any) -> Any:
@@ -129,27 +110,29 @@ def _angles(given: Any) -> Any:
     return given
 
 
-Angles = Annotated[Vector, BeforeValidator(_angles)]
+Angles = Annotated[kind.Vector, BeforeValidator(_angles)]
 
 
 class Support(Strict):
     """One NCP with its TDFS: hinge in m in the LCS, zero and capacity in N, angles in rad."""
 
-    name: Name = key("letters, digits, _ and -")
+    name: kind.Name = key("letters, digits, _ and -")
     hinge: PlaceOnTerminal = key("m: SHC in the LCS")
-    zero: Annotated[VectorQuantity, WithStd] = block(
+    zero: Annotated[VectorQuantity, kind.WithStd] = block(
         "N: quantity, reading without load, sensor frame",
         VectorQuantity,
         value=(0.0, 0.0, 0.0),
         std=(math.inf,) * 3,
     )
     nominal_rpy: Angles = key("rad: nominal mounting", (0.0, 0.0, 0.0))
-    rpy_std: Stds = key(
+    rpy_std: kind.Stds = key(
         "rad: prior about the nominal mounting",
         (math.inf,) * 3,
-        json_schema_extra={"default": UNKNOWN},
+        json_schema_extra={"default": kind.UNKNOWN},
     )
-    capacity: PositiveVector | None = key("N: full scale; a reading beyond it is saturated", None)
+    capacity: kind.PositiveVector | None = key(
+        "N: full scale; a reading beyond it is saturated", None
+    )
     axes: tuple[Axis, ...] = key(
         "what the sensor measures; [z] is a load cell, [] no sensor", ("x", "y", "z")
     )
@@ -174,36 +157,38 @@ class Support(Strict):
 class Compliance(Strict):
     """What gives between encoder and hinge, m/N, as a standard uncertainty about none."""
 
-    lateral: Amount = key("m/N: sideways", 0.0)
-    vertical: Amount = key("m/N: along Z of the BCS", 0.0)
+    lateral: kind.Amount = key("m/N: sideways", 0.0)
+    vertical: kind.Amount = key("m/N: along Z of the BCS", 0.0)
 
 
 class Uncertainty(Strict):
     """Standard uncertainties that the log's own scatter cannot show."""
 
-    positioner: Amount = key("m: repeatability of an NCP, per axis and posture", 0.0)
-    hinge: Amount = key("m: each coordinate of each hinge", 0.0)
-    datum: Amount = key("m: constant offset of an NCP's servo coordinates, per axis", 0.0)
-    force_noise: Amount = key("N: per axis and posture, beyond the standard error of the mean", 0.0)
-    force_sensitivity: Amount = key("relative: gain and crosstalk of a sensor", 0.0)
-    hinge_moment: Amount = key("N·m: friction of the hinges, per axis and posture", 0.0)
+    positioner: kind.Amount = key("m: repeatability of an NCP, per axis and posture", 0.0)
+    hinge: kind.Amount = key("m: each coordinate of each hinge", 0.0)
+    datum: kind.Amount = key("m: constant offset of an NCP's servo coordinates, per axis", 0.0)
+    force_noise: kind.Amount = key(
+        "N: per axis and posture, beyond the standard error of the mean", 0.0
+    )
+    force_sensitivity: kind.Amount = key("relative: gain and crosstalk of a sensor", 0.0)
+    hinge_moment: kind.Amount = key("N·m: friction of the hinges, per axis and posture", 0.0)
     compliance: Compliance = block("what gives between encoder and hinge", Compliance)
 
 
 class Drift(Strict):
     """Zeros that move within a campaign, per channel, and angles that do between campaigns."""
 
-    time: Std = key("N/h: standard uncertainty of a slope in time", 0.0)
-    temperature: Std = key("N/K: standard uncertainty of a slope against log.temperature", 0.0)
-    walk: Amount = key("N/√h: intensity of a random walk", 0.0)
-    angle: Amount = key("rad/√month: random walk of the angles between campaigns", 0.0)
+    time: kind.Std = key("N/h: standard uncertainty of a slope in time", 0.0)
+    temperature: kind.Std = key("N/K: standard uncertainty of a slope against log.temperature", 0.0)
+    walk: kind.Amount = key("N/√h: intensity of a random walk", 0.0)
+    angle: kind.Amount = key("rad/√month: random walk of the angles between campaigns", 0.0)
 
 
 class Contact(Strict):
     """Limit of the contact wrench's error at a posture of the terminal: N, N·m, rad."""
 
-    force: PositiveAmount | None = key("N: length of the force's error", None)
-    torque: PositiveAmount | None = key("N·m: length of the torque's error", None)
+    force: kind.PositiveAmount | None = key("N: length of the force's error", None)
+    torque: kind.PositiveAmount | None = key("N·m: length of the torque's error", None)
     rpy: Angles = key("rad: that posture of the terminal", (0.0, 0.0, 0.0))
 
     @model_validator(mode="after")
@@ -216,11 +201,11 @@ class Contact(Strict):
 class AcceptanceBlock(Strict):
     """Limits of the quality gate; angles in rad."""
 
-    angle_std: PositiveAmount = key("rad: largest standard uncertainty of an angle", 5.0e-3)
-    identifiable: PositiveAmount = key(
+    angle_std: kind.PositiveAmount = key("rad: largest standard uncertainty of an angle", 5.0e-3)
+    identifiable: kind.PositiveAmount = key(
         "rad: above it an angle counts as not determined (exit 4)", 0.05
     )
-    birge_max: PositiveAmount = key("largest Birge ratio", 2.0)
+    birge_max: kind.PositiveAmount = key("largest Birge ratio", 2.0)
     contact: Contact | None = key(
         "limit of the contact wrench's error at a posture, guard-banded", None
     )
@@ -258,8 +243,8 @@ class RigFile(Strict):
     """What is known of the rig (`rig.yaml`), SI units."""
 
     format: Literal["tdfscal-rig/1"] = key("tdfscal-rig/1")
-    name: Text = key("what the rig is called")
-    serial: Label | None = key("of the rig", None)
+    name: kind.Text = key("what the rig is called")
+    serial: kind.Label | None = key("of the rig", None)
     campaign: Campaign | None = key("when, where and by whom the log was recorded", None)
     gravity: Gravity = block("m/s² along −Z of the BCS, and how level that is", Gravity)
     terminal: Terminal = key("the terminal with all it carries")
@@ -277,7 +262,7 @@ class RigFile(Strict):
     )
     tracker: TrackerBlock | None = key("a survey; paths relative to this file", None)
     acceptance: AcceptanceBlock = block("limits of the quality gate", AcceptanceBlock)
-    sha256: Sha256 | None = key("of the rig file, in a calibration", None)
+    sha256: kind.Sha256 | None = key("of the rig file, in a calibration", None)
     stated_limits: tuple[str, ...] | None = key(
         "keys of `acceptance` that the rig file stated, in a calibration", None
     )

@@ -15,22 +15,8 @@ from pydantic import (
     model_validator,
 )
 
-from tdfscal.files.field_types import (
-    Amount,
-    LengthUnit,
-    Name,
-    Quantity,
-    Strict,
-    Text,
-    Vector,
-    WithStd,
-    block,
-    fault,
-    key,
-    list_of,
-    one_for_all,
-    whole_as_text,
-)
+from tdfscal.files import field_types as kind
+from tdfscal.files.field_types import Quantity, Strict, block, fault, key
 from tdfscal.files.yaml import nearest
 from tdfscal.records import CLOCK_RATE_STD, ClockPrior, Instrument, Rows
 
@@ -86,7 +72,7 @@ def by_scale(quantity: Dimension, unit: str) -> str | None:
 #: In place of a field that no recorder has, of an axis that is not measured.
 _NOT_RECORDED = "none"
 _FIELD = {"type": ["string", "integer"], "minLength": 1}
-FieldName = Annotated[Text, BeforeValidator(whole_as_text), WithJsonSchema(_FIELD)]
+FieldName = Annotated[kind.Text, BeforeValidator(kind.whole_as_text), WithJsonSchema(_FIELD)]
 """A field of a log: its name or, of a table without a header, the number of its column from 1."""
 
 
@@ -119,22 +105,22 @@ Fields = Annotated[
     tuple[FieldName, ...],
     BeforeValidator(_one_or_three),
     WrapSerializer(_alone),
-    WithJsonSchema({"anyOf": [_FIELD, list_of(_FIELD, 3, 3), list_of(_FIELD, 1, 1)]}),
+    WithJsonSchema({"anyOf": [_FIELD, kind.list_of(_FIELD, 3, 3), kind.list_of(_FIELD, 1, 1)]}),
 ]
 """Three fields, or one field with members x, y, z."""
 
 
-def _not_zero(scale: Vector) -> Vector:
+def _not_zero(scale: kind.Vector) -> kind.Vector:
     if not all(scale):
         raise fault("a scale of zero", hint="write N or m per unit of the log")
     return scale
 
 
 Scale = Annotated[
-    Vector,
-    BeforeValidator(one_for_all),
+    kind.Vector,
+    BeforeValidator(kind.one_for_all),
     AfterValidator(_not_zero),
-    WithJsonSchema({"anyOf": [{"type": "number"}, list_of({"type": "number"}, 3, 3)]}),
+    WithJsonSchema({"anyOf": [{"type": "number"}, kind.list_of({"type": "number"}, 3, 3)]}),
 ]
 """One factor for x, y, z, or three; its sign turns the reading's."""
 
@@ -159,7 +145,7 @@ class SupportFields(Strict):
 Temperatures = Annotated[
     tuple[FieldName, ...],
     BeforeValidator(_list),
-    WithJsonSchema({"anyOf": [_FIELD, list_of(_FIELD, 1)]}),
+    WithJsonSchema({"anyOf": [_FIELD, kind.list_of(_FIELD, 1)]}),
 ]
 """One field in °C for all sensors, or one per support, in their order."""
 
@@ -167,10 +153,10 @@ Temperatures = Annotated[
 class ClockBlock(Strict):
     """A recorder's clock against the first one's: its stamps minus the first's."""
 
-    offset: Annotated[Quantity, WithStd] = block(
+    offset: Annotated[Quantity, kind.WithStd] = block(
         "s: quantity; std: unknown finds it", Quantity, value=0.0, std=math.inf
     )
-    rate_std: Amount = key("relative: standard uncertainty of its rate", CLOCK_RATE_STD)
+    rate_std: kind.Amount = key("relative: standard uncertainty of its rate", CLOCK_RATE_STD)
 
     def record(self) -> ClockPrior:
         """Return it as a record."""
@@ -189,10 +175,10 @@ def _by_name(unit: Any) -> Any:
 class LogBlock(Strict):
     """How a recorder of this rig names things, and in which units."""
 
-    files: Text | None = key("pattern of the names of its files, such as cnc*.csv", None)
+    files: kind.Text | None = key("pattern of the names of its files, such as cnc*.csv", None)
     rows: Rows = key("or postures: each row is one averaged posture", "timeseries")
     time: LogTime = block("the clock: a column, or which stamps of messages", LogTime)
-    delay: Annotated[Quantity, WithStd] | None = key(
+    delay: Annotated[Quantity, kind.WithStd] | None = key(
         "s: quantity, force stamps minus position stamps; used in motion only", None
     )
     temperature: Temperatures | None = key("°C: field, or one per support", None)
@@ -202,7 +188,7 @@ class LogBlock(Strict):
         "or sensor: the reading is the reaction, and its sign is turned", "terminal"
     )
     decimal: Literal[".", ","] = key("or ,; CSV", ".")
-    supports: dict[Name, SupportFields] | None = key("one entry per support", None)
+    supports: dict[kind.Name, SupportFields] | None = key("one entry per support", None)
     clock: ClockBlock = block("against the first recorder's", ClockBlock)
 
     def support_fields(self, support: str) -> SupportFields:
@@ -304,9 +290,9 @@ def _check_known(names: Sequence[str], given: Sequence[str], *place: str | int) 
 class InstrumentBlock(Strict):
     """Standard uncertainties of a spherical instrument: m, ppm of the range, arcseconds."""
 
-    range: Amount = key("m: constant part of the range")
-    range_ppm: Amount = key("ppm: part that grows with the range")
-    angle_arcsec: Amount = key("″: each angle")
+    range: kind.Amount = key("m: constant part of the range")
+    range_ppm: kind.Amount = key("ppm: part that grows with the range")
+    angle_arcsec: kind.Amount = key("″: each angle")
 
     @model_validator(mode="after")
     def _not_perfect(self) -> Self:
@@ -322,24 +308,26 @@ class InstrumentBlock(Strict):
 class Targets(Strict):
     """Point files of the targets on the sensors: TDFS frames, and the tracker's frame."""
 
-    nominal: Text = key("point file, sensor frames")
-    measured: Text = key("point file, tracker frame")
+    nominal: kind.Text = key("point file, sensor frames")
+    measured: kind.Text = key("point file, tracker frame")
 
 
 class Moves(Strict):
     """Point files of the NCPs' moves: by the servo in the BCS, and in the tracker's frame."""
 
-    servo: Text = key("point file, hinge centres in the BCS")
-    measured: Text = key("point file, tracker frame")
+    servo: kind.Text = key("point file, hinge centres in the BCS")
+    measured: kind.Text = key("point file, tracker frame")
 
 
 class TrackerBlock(Strict):
     """A laser-tracker survey; drawing in m, misalignment of body against sensing axes in rad."""
 
     instrument: InstrumentBlock = key("standard uncertainties, k = 1")
-    drawing: Amount = key("m: nominal points, per coordinate", 0.0)
-    misalignment: Amount = key("rad: sensing axes against the sensor's body, per axis", 0.0)
-    length_unit: LengthUnit | None = key("of point files that name none: m, cm, mm, um, in", None)
+    drawing: kind.Amount = key("m: nominal points, per coordinate", 0.0)
+    misalignment: kind.Amount = key("rad: sensing axes against the sensor's body, per axis", 0.0)
+    length_unit: kind.LengthUnit | None = key(
+        "of point files that name none: m, cm, mm, um, in", None
+    )
     targets: Targets = key("targets on the sensors")
     moves: Moves = key("one point on each NCP, moved")
 
