@@ -12,7 +12,7 @@ from tdfscal.commands.recordings import Recording
 from tdfscal.commands.result import Calibration, CalibrationSource, read_source
 from tdfscal.comparison.members import EarlierCalibration
 from tdfscal.errors import UsageError
-from tdfscal.files.calibration.compared import files_of, readings_of, used_part
+from tdfscal.files.calibration.compared import campaigns_of, files_of, readings_of
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.evidence import CampaignResult
@@ -36,7 +36,7 @@ class Earlier(EarlierCalibration):
     @property
     def campaigns(self) -> tuple[CampaignResult, ...]:
         """The campaigns that it stands on, as a file lists them."""
-        return self.file.campaigns or (_alone(self),)
+        return campaigns_of(self.file, self.name)
 
     def recordings(self) -> list[Recording]:
         """The recordings that it stands on."""
@@ -67,9 +67,7 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     covariance = known.covariance
     if file.parameters is not None and file.parameters.unscaled is not None:
         covariance = _unscaled(covariance, file.determined, np.array(file.parameters.unscaled))
-    # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
-    alone = () if file.fit is None or file.motion is not None else (file.fit,)
-    fits, measured = file.campaigns or alone, file.measured.record()
+    fits, measured = campaigns_of(file), file.measured.record()
     in_memory = isinstance(source, CalibrationFile) or str(source) == "-"
     content = dump_calibration(file, "yaml").encode() if in_memory else Path(name).read_bytes()
     return Earlier(
@@ -110,26 +108,6 @@ def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) ->
     back = np.argsort(order)
     moved = with_rotations(covariance[np.ix_(order, order)], int(stand.sum()), own)
     return np.asarray(moved[np.ix_(back, back)])
-
-
-def _alone(earlier: Earlier) -> CampaignResult:
-    """The one campaign of a calibration, as a file with several lists it."""
-    file = earlier.file
-    return CampaignResult.model_validate(
-        {
-            "name": earlier.name,
-            "measured": earlier.measured,
-            "inputs": file.inputs,
-            "zero": [support.zero for support in file.supports],
-            "zero_std": [support.zero_std for support in file.supports],
-            "terminal": file.terminal,
-            "postures": 0 if file.fit is None else file.fit.postures,
-            "chi2": earlier.chi2,
-            "dof": earlier.dof,
-            "readings": file.dwells,
-            "span": used_part(file),
-        }
-    )
 
 
 def on_one_another(known: Sequence[Earlier]) -> list[Earlier]:

@@ -19,7 +19,7 @@ from tdfscal.comparison.compatibility import (
     in_order_of,
 )
 from tdfscal.files.calibration.document import Calibration, overdue, unsealed
-from tdfscal.files.calibration.evidence import DwellTable, ReadingsTable
+from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.parameters import UNCONFIRMED
 from tdfscal.files.calibration.parts import instant
 from tdfscal.findings import Finding, Value
@@ -131,6 +131,26 @@ def _before_scaling(c: Calibration, scatter: float) -> Rotations | None:
     return Rotations(c.support_names, c.rotation, scatter**2 * covariance)
 
 
+def campaigns_of(c: Calibration, name: str = "calibration") -> tuple[CampaignResult, ...]:
+    """The campaigns that a calibration stands on; one that lists none is one itself, by `name`."""
+    if c.campaigns:
+        return c.campaigns
+    # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
+    tested = c.fit if c.motion is None else None
+    alone = CampaignResult.model_construct(
+        name=name,
+        **{key: getattr(c, key) for key in ("measured", "inputs", "terminal")},
+        zero=tuple(support.zero for support in c.supports),
+        zero_std=tuple(support.zero_std for support in c.supports),
+        postures=c.fit.postures if c.fit else 0,
+        chi2=tested.chi2 if tested else 0.0,
+        dof=tested.dof if tested else 0,
+        readings=c.dwells,
+        span=_used_part(c),
+    )
+    return (alone,)
+
+
 def files_of(c: Calibration) -> list[tuple[Recorded, ...]]:
     """The files of each recording that a calibration stands on, its earlier campaigns' among them.
 
@@ -140,11 +160,11 @@ def files_of(c: Calibration) -> list[tuple[Recorded, ...]]:
     wanted, surveyed = files[::2], files[1::2]
     return [
         tuple(
-            Recorded(f.path, f.sha256, None if Path(f.path).name in surveyed else span)
-            for f in inputs
+            Recorded(f.path, f.sha256, None if Path(f.path).name in surveyed else one.span)
+            for f in one.inputs
             if Path(f.path).name not in wanted
         )
-        for inputs, span in [(e.inputs, e.span) for e in c.campaigns] or [(c.inputs, used_part(c))]
+        for one in campaigns_of(c)
     ]
 
 
@@ -155,17 +175,15 @@ def readings_of(c: Calibration, supports: Sequence[str]) -> list[Readings]:
     """
     order, zeros = [c.support_names.index(name) for name in supports], np.zeros((len(supports), 3))
     nothing = Readings(np.zeros((0, *zeros.shape)), zeros)
-    campaigns = [entry.readings for entry in c.campaigns]
-    tables: list[DwellTable | ReadingsTable | None] = [*campaigns] or [c.dwells]
     return [
         nothing
         if table is None or not table.force
         else Readings(np.array(table.force)[:, order], np.array(table.noise)[order])
-        for table in tables
+        for table in (one.readings for one in campaigns_of(c))
     ]
 
 
-def used_part(c: Calibration) -> tuple[float, float] | None:
+def _used_part(c: Calibration) -> tuple[float, float] | None:
     """Begin and end of the part of a log that was used, s in the log's time."""
     if c.motion is not None:
         return c.motion.begin, c.motion.begin + c.motion.seconds
