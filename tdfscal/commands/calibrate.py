@@ -337,7 +337,7 @@ def _with_page(
     log.progress("drawing the report")
     said, where = tuple(map(told, log.messages)), tuple(map(str, paths))
     rig, command = log.campaign.rig, log.settings.command
-    when = MeasuredResult.model_validate(measured(log)) if log.inputs else None
+    when = MeasuredResult.of(measured(log)) if log.inputs else None
     attempt = Attempt(error, rig, tuple(log.inputs), said, where, command, when)
     write_text(page, render(undetermined_report(attempt, undetermined_drawings(attempt))))
     appear_now()

@@ -197,7 +197,7 @@ class LogInUse(LogPass):
 
     def before_calibration(self) -> tuple[Finding, ...]:
         """Say so where the log was recorded before any of the calibration's data."""
-        when = MeasuredResult.model_validate(measured(self))
+        when = MeasuredResult.of(measured(self))
         dated = _recorded(self.calibration)
         begin = min((m.begin for m in dated), key=seconds)
         told = "file" not in (when.source, *(m.source for m in dated))

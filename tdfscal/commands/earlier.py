@@ -53,7 +53,7 @@ class Earlier(EarlierCalibration):
     def history(self) -> tuple[HistoryEntry, ...]:
         """The calibrations that one which stands on this one stands on."""
         own = {"created": self.file.created, "method": self.file.method, "sha256": self.sha256}
-        last = HistoryEntry.model_validate({**own, "measured": self.measured})
+        last = HistoryEntry.model_validate({**own, "measured": self.file.measured})
         return (*self.file.history, last)
 
 

@@ -146,7 +146,7 @@ def _taking_part(
 
 def _source(check: Earlier | Judged) -> Source:
     """When a check was measured, and the digest of its calibration or rig file."""
-    when = MeasuredResult.model_validate(check.measured)
+    when = MeasuredResult.of(check.measured)
     if isinstance(check, Earlier):
         fact, key = calibration_fact(check.name, check.file), "content_sha256"
         digest = report_digest(check.file)

@@ -34,6 +34,7 @@ from tdfscal.estimation.exact_quantities import exact_quantities, with_unmoved
 from tdfscal.files.calibration.compared import defects
 from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.from_results import from_self
+from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.calibration.statistics import campaign
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
@@ -296,7 +297,7 @@ def _campaigns(reads: Sequence[Judged], pooled: Pool) -> Iterator[CampaignResult
             read.rig.axes,
             read.means,
             name=read.name,
-            measured=read.measured,
+            measured=MeasuredResult.of(read.measured),
             inputs=tuple(read.log.inputs),
             rig_sha256=read.log.campaign.rig.sha256,
             span=read.span,

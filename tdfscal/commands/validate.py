@@ -120,7 +120,7 @@ def validate(
         result = _tested(log, samples)
     # What the log says of itself comes with its dwells.
     own = (Finding("log-used-before", (path,)) for path in result.own)
-    when, past = MeasuredResult.model_validate(measured(log)), log.before_calibration()
+    when, past = MeasuredResult.of(measured(log)), log.before_calibration()
     result = replace(result, earlier=bool(past), gate_rejected=not c.accepted)
     # A motion says its own.
     lost = list[Finding]()

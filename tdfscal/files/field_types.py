@@ -1,6 +1,6 @@
 """The kinds of value that the file models are made of: finite numbers, vectors, names, text.
 
-Numbers are strict (no bool, NaN, ∞ or text); numpy arrays are taken as lists.
+Numbers are strict (no bool, NaN, ∞ or text); `saving.plain` makes them of arrays.
 """
 
 from __future__ import annotations
@@ -42,13 +42,11 @@ class Strict(BaseModel):
     """A part of a file: frozen, and no key that is not declared."""
 
     # A part is checked within its file, so that only the files' own validators need building.
-    # Records of the same field names are taken as they are, in place of a mapping.
     model_config = ConfigDict(
         extra="forbid",
         frozen=True,
         protected_namespaces=(),
         defer_build=True,
-        from_attributes=True,
     )
 
     @model_validator(mode="before")
@@ -98,10 +96,9 @@ def fault(message: str, *place: str | int, hint: str | None = None) -> PydanticC
 
 def _as_number(given: Any) -> Any:
     """Return a number; refused is what overflows when it is squared, and is no quantity at all."""
-    value = from_numpy(given)
-    if isinstance(value, (int, float)) and LARGEST < abs(value) < math.inf:
-        raise fault(f"is beyond any quantity, got {value!r:.20}", hint="check the number")
-    return value
+    if isinstance(given, (int, float)) and LARGEST < abs(given) < math.inf:
+        raise fault(f"is beyond any quantity, got {given!r:.20}", hint="check the number")
+    return given
 
 
 def _as_stated(given: Any) -> Any:
@@ -111,18 +108,6 @@ def _as_stated(given: Any) -> Any:
         raise fault(
             f"is below any quantity, got {value!r:.20}", hint="check the number, or write 0"
         )
-    return value
-
-
-def from_numpy(value: Any) -> Any:
-    """Return numpy arrays and scalars as lists and numbers, all else as it is."""
-    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value
-
-
-def none_where_open(value: Any) -> Any:
-    """Return the ∞ of a record's arrays as None; ∞ in a file stays what it is, an error."""
-    if isinstance(value, (np.ndarray, np.generic)):
-        return np.where(value == np.inf, None, value).tolist()  # type: ignore[call-overload]
     return value
 
 
@@ -149,7 +134,6 @@ def _std(given: Any) -> Any:
 
 
 def _three(value: Any) -> Any:
-    value = from_numpy(value)
     if not isinstance(value, (list, tuple)) or len(value) != 3:
         got = f"{len(value)} of them" if isinstance(value, (list, tuple)) else f"{value!r:.40}"
         raise fault(f"must be a list of three, got {got}", hint="write [.., .., ..]")
@@ -158,7 +142,7 @@ def _three(value: Any) -> Any:
 
 def one_for_all(value: Any) -> Any:
     """Return a single number, or word, as three of them."""
-    return (value,) * 3 if isinstance(value, (int, float, str, np.generic)) else value
+    return (value,) * 3 if isinstance(value, (int, float, str)) else value
 
 
 def list_of(item: dict[str, Any], least: int, most: int | None = None) -> dict[str, Any]:
@@ -179,8 +163,7 @@ def _rectangular(rows: tuple[tuple[float, ...], ...]) -> tuple[tuple[float, ...]
 
 # Each kind by its name: pydantic builds it once, and the published schemas tell it once.
 _Finite = Annotated[float, Field(strict=True, allow_inf_nan=False)]
-_number, _plain = BeforeValidator(_as_number), BeforeValidator(from_numpy)
-_triple, _open = BeforeValidator(_three), BeforeValidator(none_where_open)
+_number, _triple = BeforeValidator(_as_number), BeforeValidator(_three)
 Number = TypeAliasType("Number", Annotated[_Finite, _number])
 Positive = TypeAliasType("Positive", Annotated[_Finite, Field(gt=0), _number])
 NotNegative = TypeAliasType("NotNegative", Annotated[_Finite, Field(ge=0), _number])
@@ -191,33 +174,29 @@ PositiveAmount = TypeAliasType(
 """As a rig file states them."""
 Probability = TypeAliasType("Probability", Annotated[_Finite, Field(ge=0, le=1), _number])
 Coverage = TypeAliasType("Coverage", Annotated[_Finite, Field(gt=0, lt=1), _number])
-PositiveCount = TypeAliasType("PositiveCount", Annotated[int, Field(strict=True, gt=0), _plain])
-Count = TypeAliasType("Count", Annotated[int, Field(strict=True, ge=0), _plain])
-Flag = TypeAliasType("Flag", Annotated[bool, Field(strict=True), _plain])
+PositiveCount = TypeAliasType("PositiveCount", Annotated[int, Field(strict=True, gt=0)])
+Count = TypeAliasType("Count", Annotated[int, Field(strict=True, ge=0)])
+Flag = TypeAliasType("Flag", Annotated[bool, Field(strict=True)])
 
 
-Numbers = TypeAliasType("Numbers", Annotated[tuple[Number, ...], _plain])
+Numbers = TypeAliasType("Numbers", tuple[Number, ...])
 Vector = TypeAliasType("Vector", Annotated[tuple[Number, Number, Number], _triple])
 PositiveVector = TypeAliasType(
     "PositiveVector", Annotated[tuple[Positive, Positive, Positive], _triple]
 )
-Vectors = TypeAliasType("Vectors", Annotated[tuple[Vector, ...], _plain])
+Vectors = TypeAliasType("Vectors", tuple[Vector, ...])
 Matrix3 = TypeAliasType("Matrix3", Annotated[tuple[Vector, Vector, Vector], _triple])
-Matrix = TypeAliasType(
-    "Matrix", Annotated[tuple[Numbers, ...], _plain, AfterValidator(_rectangular)]
-)
-Counts = TypeAliasType("Counts", Annotated[tuple[Count, ...], _plain])
-Pairs = TypeAliasType("Pairs", Annotated[tuple[tuple[NotNegative, NotNegative], ...], _plain])
-Quaternion = TypeAliasType("Quaternion", Annotated[tuple[Number, Number, Number, Number], _plain])
+Matrix = TypeAliasType("Matrix", Annotated[tuple[Numbers, ...], AfterValidator(_rectangular)])
+Counts = TypeAliasType("Counts", tuple[Count, ...])
+Pairs = TypeAliasType("Pairs", tuple[tuple[NotNegative, NotNegative], ...])
+Quaternion = TypeAliasType("Quaternion", tuple[Number, Number, Number, Number])
 
-OpenStd = TypeAliasType("OpenStd", Annotated[NotNegative | None, _open])
-OpenStds = TypeAliasType("OpenStds", Annotated[tuple[OpenStd, OpenStd, OpenStd], _open])
+OpenStd = TypeAliasType("OpenStd", NotNegative | None)
+OpenStds = TypeAliasType("OpenStds", tuple[OpenStd, OpenStd, OpenStd])
 _OpenNumber = Number | None
-OpenAngles = TypeAliasType(
-    "OpenAngles", Annotated[tuple[_OpenNumber, _OpenNumber, _OpenNumber], _open]
-)
-OpenRows = TypeAliasType("OpenRows", Annotated[tuple[OpenAngles, ...], _open])
-OpenStdRows = TypeAliasType("OpenStdRows", Annotated[tuple[OpenStds, ...], _open])
+OpenAngles = TypeAliasType("OpenAngles", tuple[_OpenNumber, _OpenNumber, _OpenNumber])
+OpenRows = TypeAliasType("OpenRows", tuple[OpenAngles, ...])
+OpenStdRows = TypeAliasType("OpenStdRows", tuple[OpenStds, ...])
 """Null where the data and the rig leave it open, or nothing is measured."""
 
 Std = TypeAliasType(
@@ -280,10 +259,9 @@ def _with_std(given: Any, info: ValidationInfo) -> Any:
     """Refuse a bare value: a quantity without its uncertainty is no measurement."""
     if isinstance(given, (dict, Strict)):
         return given
-    value = from_numpy(given)
     raise fault(
-        f"states no standard uncertainty, got {value!r:.60}",
-        hint=f"write `{info.field_name}: {{value: {value!r:.60}, std: ...}}`; "
+        f"states no standard uncertainty, got {given!r:.60}",
+        hint=f"write `{info.field_name}: {{value: {given!r:.60}, std: ...}}`; "
         "std: 0 says exact, std: unknown says unknown",
     )
 

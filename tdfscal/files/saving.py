@@ -17,7 +17,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,7 +51,7 @@ def to_yaml(content: Any) -> str:
     content : mappings, lists, numbers, text; records and arrays as these.
     """
     return yaml.dump(
-        _plain(content),
+        plain(content),
         Dumper=_PlainDumper,
         sort_keys=False,
         allow_unicode=True,
@@ -60,16 +60,25 @@ def to_yaml(content: Any) -> str:
     )
 
 
-def _plain(value: Any) -> Any:
-    if type(value) in (float, int, str):  # nearly all there is
-        return value
+def plain(value: Any, null: Callable[[float], bool] = lambda number: False) -> Any:
+    """Records, arrays and what holds them, as JSON has values; null : numbers that are written so.
+
+    What is neither, such as a block of a file, stays as it is.
+    """
     if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if dataclasses.is_dataclass(value):
-        value = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        value = value.tolist()
+    if isinstance(value, float):
+        return None if null(value) else value
+    if isinstance(value, list | tuple):
+        return [plain(item, null) for item in value]
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+        return {key: plain(item, null) for key, item in value.items()}
+    if isinstance(value, PurePath):
+        return str(value)
+    if dataclasses.is_dataclass(value):
+        fields = dataclasses.fields(value)
+        return {field.name: plain(getattr(value, field.name), null) for field in fields}
+    return value
 
 
 if TYPE_CHECKING:

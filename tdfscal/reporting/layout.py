@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import fields
 from operator import attrgetter
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 
-import numpy as np
-
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.numbers import measured, p_text, rounded, two_digits, typeset, with_std
 from tdfscal.errors import visible, without_exponent
+from tdfscal.files.saving import plain as as_json
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.records import ANGLES, RecorderClock
@@ -260,19 +259,7 @@ def utc(instant: str) -> str:
 
 def plain(value: Any) -> Any:
     """Records and arrays, and what holds them, as JSON values; None for what is not finite."""
-    if isinstance(value, PurePath):
-        return str(value)
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if is_dataclass(value) and not isinstance(value, type):
-        return plain(asdict(value))
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return value
+    return as_json(value, null=lambda number: not math.isfinite(number))
 
 
 def document(record: object, names: str, **more: Any) -> dict[str, Any]:

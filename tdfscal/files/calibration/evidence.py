@@ -1,10 +1,10 @@
 """The evidence behind a calibration, which a report draws and `update` and `compare` go by."""
 
 from collections.abc import Sized
-from typing import Annotated, Any, Self
+from typing import Any, Self
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import model_validator
 
 from tdfscal.files import field_types as kind
 from tdfscal.files.calibration.parts import (
@@ -119,9 +119,7 @@ class LimitedResult(Strict):
     """
 
     expanded: kind.NotNegative = key("uncertainty of the length, coverage 95.45 %")
-    limit: Annotated[
-        kind.NotNegative | None, BeforeValidator(lambda limit: None if limit == np.inf else limit)
-    ] = key("the rig file's; null where it states none", None)
+    limit: kind.NotNegative | None = key("the rig file's; null where it states none", None)
     exceeding: kind.Probability = key("that the error is beyond the limit")
     conforms: Any = key("of release 1.0, which wrote what follows from the two", None)
 

@@ -22,6 +22,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import (
     angles_document,
     exact_moves_document,
+    finite,
     parameter_rows,
     parameters_document,
     status_of,
@@ -142,7 +143,7 @@ def from_joint(
     parts = _own_parts(own, origin)
     parts |= {
         "method": "joint",
-        "conformity": assess_stated(given),
+        "conformity": statistics.conformity(assess_stated(given)),
         "parameters": parameters_document(given),
         "tracker": {
             **statistics.tracker_statistics(tracker),
@@ -185,7 +186,7 @@ def _own_parts(result: SelfCalibration | MotionCalibration, origin: Provenance) 
         "fit": statistics.fit(result, origin.campaigns),
         "observability": seen,
         "validation": statistics.validation(result),
-        "conformity": result.conformity,
+        "conformity": statistics.conformity(result.conformity),
     }
     if not isinstance(result, SelfCalibration):
         return parts | {"motion": statistics.motion(result, evidence.has_delay(origin.clocks))}
@@ -251,36 +252,37 @@ def _file(
     own = {name: parts.pop(name) for name in ("zero", "zero_std", "sensitivity")}
     turns = {"parameters": turn_parameters(tuple(compress(rig.supports, determined)))}
     rows = parameter_rows(parts.get("parameters", turns)["parameters"], rig.supports)
-    return Calibration.model_validate(
-        {
-            "format": keys.CALIBRATION_FORMAT,
-            "status": status_of((f["code"], f["severity"]) for f in found),
-            "created": keys.instant(time.time()),
-            **vars(origin),
-            "rig": origin.rig.document,
-            "software": {"name": "tdfscal", "version": __version__},
-            "convention": keys.CONVENTIONS[own["sensitivity"] is not None],
-            "supports": _supports(rig, angles, own),
-            "covariance": {
-                **turns,
-                "definition": keys.COVARIANCE_DEFINITION,
-                "matrix": (covariance + covariance.T) / 2,
-            },
-            "budget": statistics.budget(rig.supports, budget, determined),
-            "taken_as_exact": [
-                {"effect": _effect(angles, quantity), **exact_moves_document(quantity, rows)}
-                for quantity in exact
-            ],
-            "monte_carlo": trials
-            and {
-                "trials": trials.trials,
-                "tolerance": trials.tolerance.min(),
-                "linear_interval_validated": trials.validated,
-            },
-            "findings": found,
-            **parts,
-        }
-    )
+    content = {
+        "format": keys.CALIBRATION_FORMAT,
+        "status": status_of((f["code"], f["severity"]) for f in found),
+        "created": keys.instant(time.time()),
+        **vars(origin),
+        "measured": keys.MeasuredResult.of(origin.measured),
+        "clocks": [{n: v for n, v in vars(c).items() if n != "reference"} for c in origin.clocks],
+        "rig": origin.rig.document,
+        "software": {"name": "tdfscal", "version": __version__},
+        "convention": keys.CONVENTIONS[own["sensitivity"] is not None],
+        "supports": _supports(rig, angles, own),
+        "covariance": {
+            **turns,
+            "definition": keys.COVARIANCE_DEFINITION,
+            "matrix": (covariance + covariance.T) / 2,
+        },
+        "budget": statistics.budget(rig.supports, budget, determined),
+        "taken_as_exact": [
+            {"effect": _effect(angles, quantity), **exact_moves_document(quantity, rows)}
+            for quantity in exact
+        ],
+        "monte_carlo": trials
+        and {
+            "trials": trials.trials,
+            "tolerance": trials.tolerance.min(),
+            "linear_interval_validated": trials.validated,
+        },
+        "findings": found,
+        **parts,
+    }
+    return Calibration.model_validate(finite(content))
 
 
 def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str, Any]]:

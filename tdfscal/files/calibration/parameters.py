@@ -15,6 +15,7 @@ import numpy as np
 from tdfscal.acceptance import turn_std
 from tdfscal.files.calibration.parts import Status
 from tdfscal.files.field_types import Matrix, Numbers, Strict, Text, fault, key, measured_only
+from tdfscal.files.saving import plain
 from tdfscal.model.parameters import (
     State,
     deviation,
@@ -111,6 +112,11 @@ def parameters_document(given: Calibrated, unscaled: FloatArray | None = None) -
 def parameter_rows(named: Sequence[str], supports: tuple[str, ...]) -> IntArray:
     """Places of parameters by their names among all of them."""
     return np.flatnonzero(np.isin(parameter_order(supports), named))
+
+
+def finite(document: Any) -> Any:
+    """A document of records and arrays as plain values; what is open, ∞, is null."""
+    return plain(document, null=lambda number: number == np.inf)
 
 
 def zeros_and_load(state: State, std: State, axes: BoolArray) -> dict[str, Any]:

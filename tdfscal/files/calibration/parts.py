@@ -73,14 +73,6 @@ class MeasuredResult(Strict):
     end: Instant = key("UTC: last sample")
     source: Literal["log", "rig", "file"] = key("what says so; rig: campaign.date")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _written(cls, given: Any) -> Any:
-        if not isinstance(given, Measured):
-            return given
-        begin, end = instant(given.begin), instant(given.end)
-        return {"begin": begin, "end": end, "source": given.source}
-
     @model_validator(mode="after")
     def _ordered(self) -> Self:
         if seconds(self.begin) > seconds(self.end):
@@ -93,6 +85,11 @@ class MeasuredResult(Strict):
         if self.begin.endswith("T00:00:00Z") and self.end.endswith("T23:59:59Z"):
             return self.begin[:10], self.end[:10]
         return self.begin, self.end
+
+    @classmethod
+    def of(cls, when: Measured) -> Self:
+        """Write a record, in seconds since 1970, to the second."""
+        return cls(begin=instant(when.begin), end=instant(when.end), source=when.source)
 
     def record(self) -> Measured:
         """Return it in seconds since 1970."""

@@ -10,7 +10,7 @@ import numpy as np
 from tdfscal.catalogue import sentence
 from tdfscal.checks.shared_data import Readings, readings
 from tdfscal.files.calibration.evidence import CampaignResult
-from tdfscal.files.calibration.parameters import zeros_and_load
+from tdfscal.files.calibration.parameters import finite, zeros_and_load
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
 from tdfscal.findings import Finding
@@ -21,6 +21,7 @@ from tdfscal.records import ANGLES, BoolArray, FloatArray
 from tdfscal.selfcal.pipeline import SelfCalibration
 
 if TYPE_CHECKING:
+    from tdfscal.acceptance import Conformity
     from tdfscal.motioncal.pipeline import MotionCalibration
     from tdfscal.trackercal import TrackerCalibration
 
@@ -83,6 +84,16 @@ def budget(
     return {"sources": list(kept), "angles": angles}
 
 
+def conformity(found: Conformity | None) -> dict[str, Any] | None:
+    """Of the contact wrench, against the rig file's limits."""
+    if found is None:
+        return None
+    limited = {"force": found.force, "torque": found.torque}
+    names = ("expanded", "limit", "exceeding")
+    said = {n: {key: getattr(one, key) for key in names} for n, one in limited.items()}
+    return {"rpy": found.rpy, **said}
+
+
 def tracker_statistics(result: TrackerCalibration) -> dict[str, Any]:
     """Points of a survey, and their residuals: m in the tracker's frame, and over their std."""
     names = [name for survey in result.surveys for name in survey.points.names]
@@ -126,7 +137,7 @@ def campaign(
     """
     kept = None if means is None or len(means.force) > _LOOKED_AT else means
     return CampaignResult.model_validate(
-        {**more, **zeros_and_load(state, std, axes), "readings": kept}
+        finite({**more, **zeros_and_load(state, std, axes), "readings": kept})
     )
 
 
