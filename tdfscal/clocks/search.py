@@ -238,7 +238,7 @@ class Search:
         if by_moves is not None and better:
             middle = by_moves.middle
             share = drift**2 / (drift**2 + by_moves.rate_std**2)
-            line = np.array([by_moves.value, by_moves.rate * share])
+            line = np.array([by_moves.seconds, by_moves.rate * share])
             covariance = np.diag([by_moves.std**2, by_moves.rate_std**2 * share])
         line, covariance = self._with_stated(line, covariance)
         # At the first stamp of the first clock, where the offset is told.
@@ -256,7 +256,7 @@ class Search:
         first = lag_by_moves(both[0], both[1], self._moves(candidate.lag), candidate.lag, slowest)
         if first is None:
             return None
-        lag = first.value
+        lag = first.seconds
         return lag_by_moves(both[0], both[1], self._moves(lag), lag, slowest) or first
 
     @cached_property

@@ -172,18 +172,24 @@ class _Binner:
                 hint="give logs of one rig",
             )
         clocks: dict[int, tuple[IntArray, IntArray]] = {}
-        for stream, series in enumerate(_all_series(piece)):
+        for stream, series in enumerate((*piece.position, *piece.force)):
             time = series.time
             if not len(time):
                 continue
             if id(time) not in clocks or time[0] < self.last[stream]:
-                self._check_ascends(stream, time)
-                clocks[id(time)] = self._groups(time)  # the streams of a table share one time
+                if not (np.diff(time, prepend=self.last[stream]) >= 0).all():
+                    raise self._stepping_back(stream, time)
+                # Numbers of the bins that hold samples, and where each begins; the streams of a
+                # table share one time.
+                index = np.floor((time - self.origin) / self.width).astype(np.int64)
+                begin = np.flatnonzero(np.diff(index, prepend=index[0] - 1))
+                clocks[id(time)] = index[begin], begin
             self.last[stream] = time[-1]
             extremes = stream >= len(self.supports)
             with np.errstate(invalid="ignore", over="ignore"):
                 found = _moments(series.value, *clocks[id(time)], extremes=extremes)
-            self._check_finite(stream, series, found.mean)
+            if not np.isfinite(found.mean).all():
+                raise self._no_number(stream, series)
             self._look(stream, series.value)
             parts = self.parts[stream]
             if parts and parts[-1].number[-1] == found.number[0]:  # one bin of two pieces
@@ -194,13 +200,12 @@ class _Binner:
             else:
                 parts.append(found)
         # More bins are held once wider ones would hide a stop of a second.
-        while self._held() > self.limit * (1 if self.width < _WIDEST else _LONG):
+        while max(sum(len(part.number) for part in parts) for parts in self.parts) > self.limit * (
+            1 if self.width < _WIDEST else _LONG
+        ):
             self.width *= 2
             for parts in self.parts:
                 parts[:] = [_joined([replace(part, number=part.number // 2) for part in parts])]
-
-    def _held(self) -> int:
-        return max(sum(len(part.number) for part in parts) for parts in self.parts)
 
     def finish(self, period: FloatArray) -> Bins:
         """All bins in order."""
@@ -238,26 +243,17 @@ class _Binner:
         n = len(self.supports)
         return f"{self.supports[stream % n]}, {'position' if stream < n else 'force'}"
 
-    def _groups(self, time: FloatArray) -> tuple[IntArray, IntArray]:
-        """Numbers of the bins that hold samples, and where each begins among the samples."""
-        index = np.floor((time - self.origin) / self.width).astype(np.int64)
-        first = np.flatnonzero(np.diff(index, prepend=index[0] - 1))
-        return index[first], first
+    def _stepping_back(self, stream: int, time: FloatArray) -> DataError:
+        at = int(np.argmin(np.diff(time, prepend=self.last[stream]) >= 0))
+        return DataError(
+            "time steps back or is not a number",
+            where=f"{self._name(stream)}, t = {time[at]:.6f} s",
+            hint="give the logs in the order of their times, without overlaps",
+        )
 
-    def _check_ascends(self, stream: int, time: FloatArray) -> None:
-        step = np.diff(time, prepend=self.last[stream])
-        if not (step >= 0).all():
-            raise DataError(
-                "time steps back or is not a number",
-                where=f"{self._name(stream)}, t = {time[np.argmin(step >= 0)]:.6f} s",
-                hint="give the logs in the order of their times, without overlaps",
-            )
-
-    def _check_finite(self, stream: int, series: Series, mean: FloatArray) -> None:
-        if np.isfinite(mean).all():
-            return
+    def _no_number(self, stream: int, series: Series) -> DataError:
         bad = ~np.isfinite(series.value).all(axis=1)
-        raise DataError(
+        return DataError(
             "a reading is not a number",
             where=f"{self._name(stream)}, t = {series.time[np.argmax(bad)]:.6f} s",
             hint="repair the recording or cut this stretch out",
@@ -275,18 +271,15 @@ class _Binner:
             np.minimum(self.quantum[stream], smallest, out=self.quantum[stream])
 
 
-def _all_series(piece: Log) -> tuple[Series, ...]:
-    return (*piece.position, *piece.force)
-
-
 def _opening(pieces: Iterator[Log]) -> tuple[list[Log], FloatArray, float]:
     """Pieces until each stream has shown its rate; median intervals (S,), s; earliest time, s."""
     held: list[Log] = []
     times: list[list[FloatArray]] = []
     for piece in pieces:
         held.append(piece)
-        times = times or [[] for _ in _all_series(piece)]
-        for known, series in zip(times, _all_series(piece), strict=True):
+        each = (*piece.position, *piece.force)
+        times = times or [[] for _ in each]
+        for known, series in zip(times, each, strict=True):
             known.append(series.time[:100_000])
         if min(sum(len(t) for t in known) for known in times) >= 1000:
             break

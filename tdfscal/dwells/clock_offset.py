@@ -13,7 +13,7 @@ from tdfscal.clocks.tracks import Peak, Track, Tracks, lag_by_moves
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
 from tdfscal.findings import Finding, Value
-from tdfscal.frozen import record
+from tdfscal.numerics.streams import Line
 from tdfscal.records import ClockPrior, Dwells, FloatArray
 
 _MOST = 100  # moves
@@ -26,74 +26,42 @@ _CERTAIN = 5.0  # standard errors
 _VOUCHED, _UNEVEN = 0.1, 0.5  # s; of an offset that is no other one of seconds, of intervals
 
 
-@record
-class Offset:
-    """seconds : time of the forces less that of the positions for one and the same motion.
-
-    It holds in the middle of the moves and grows by `rate`, over their span, s. std, rate_std :
-    standard errors, from the scatter of the moves. moves : how many showed it.
-    """
-
-    seconds: float
-    std: float
-    moves: int
-    rate: float = 0.0
-    rate_std: float = np.inf
-    span: float = 0.0
-
-    @property
-    def large(self) -> bool:
-        """Beyond `LARGE` somewhere in the log, and not by chance."""
-        begin, end = self._ends if self.running else (self.seconds,) * 2
-        return max(abs(begin), abs(end)) > LARGE and (
-            self.running or abs(self.seconds) > _CERTAIN * self.std
-        )
-
-    @property
-    def running(self) -> bool:
-        """Whether the clocks run apart, and not by chance."""
-        return abs(self.rate) > _CERTAIN * self.rate_std
-
-    @property
-    def _ends(self) -> tuple[float, float]:
-        half = 0.5 * self.span * self.rate
-        return self.seconds - half, self.seconds + half
-
-    @property
-    def finding(self) -> Finding:
-        """As a finding."""
-        values: dict[str, Value] = {"moves": self.moves, "std": self.std}
-        if self.running:
-            begin, end = self._ends
-            values |= {"ppm": 1e6 * self.rate, "ppm_std": 1e6 * self.rate_std}
-            values |= {"begin": begin, "end": end}
-            return Finding("clocks-run-apart", size=self.rate, unit="1", values=values)
-        code = "clocks-apart" if abs(self.seconds) >= 3.0 * self.std else "clocks-together"
-        values["late"] = self.seconds > 0
-        size = self.seconds if code == "clocks-together" else abs(self.seconds)
-        return Finding(code, size=size, unit="s", values=values)
+def is_large(offset: Line) -> bool:
+    """Beyond `LARGE` somewhere in the log, and not by chance."""
+    running = _runs(offset)
+    most = abs(offset.seconds) + (0.5 * offset.span * abs(offset.rate) if running else 0.0)
+    return most > LARGE and (running or abs(offset.seconds) > _CERTAIN * offset.std)
 
 
-def motion_offset(bins: Bins, dwells: Dwells) -> Offset | None:
-    """Estimate offset and rate between positions and forces; None where too few moves show them.
+def _runs(offset: Line) -> bool:
+    """Whether the clocks run apart, and not by chance."""
+    return abs(offset.rate) > _CERTAIN * offset.rate_std
 
-    bins : of the whole log. dwells : found in it.
+
+def offset_finding(offset: Line) -> Finding:
+    """What the moves say of the offset, time of the forces less that of the positions."""
+    values: dict[str, Value] = {"moves": offset.moves, "std": offset.std}
+    if _runs(offset):
+        half = 0.5 * offset.span * offset.rate
+        values |= {"ppm": 1e6 * offset.rate, "ppm_std": 1e6 * offset.rate_std}
+        values |= {"begin": offset.seconds - half, "end": offset.seconds + half}
+        return Finding("clocks-run-apart", size=offset.rate, unit="1", values=values)
+    code = "clocks-apart" if abs(offset.seconds) >= 3.0 * offset.std else "clocks-together"
+    values["late"] = offset.seconds > 0
+    size = offset.seconds if code == "clocks-together" else abs(offset.seconds)
+    return Finding(code, size=size, unit="s", values=values)
+
+
+def motion_offset(bins: Bins, dwells: Dwells) -> Line | None:
+    """Time of the forces less that of the positions for one and the same motion, and its rate.
+
+    bins : of the whole log. dwells : found in it. None where too few moves show it.
     """
     n, middle, seen = len(bins.supports), bins.start + 0.5 * bins.width, bins.count > 0
-
-    def tracks(kind: slice, late: bool) -> list[tuple[Track, bool]]:
-        if seen.all():  # one, of all axes
-            return [(Track.of(middle, bins.mean[:, kind].reshape(len(bins), -1)), late)]
-        each = [Track.of(middle[own], bins.mean[own, k]) for k, own in enumerate(seen.T)]
-        return [(track, late) for track in each[kind]]
-
+    each = [(Track.of(middle[own], bins.mean[own, k]), k >= n) for k, own in enumerate(seen.T)]
     between = evenly(max(len(dwells) - 1, 0), _MOST)
     way = [(float(dwells.end[k]), float(dwells.start[k + 1])) for k in between]
-    streams = tracks(slice(0, n), False), tracks(slice(n, None), True)
-    line = lag_by_moves(*streams, way, 0.0, float(bins.period.max()))
-    if line is None:
-        return None
-    return Offset(line.value, line.std, line.moves, line.rate, line.rate_std, line.span)
+    return lag_by_moves(each[:n], each[n:], way, 0.0, float(bins.period.max()))
 
 
 def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:

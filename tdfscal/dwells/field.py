@@ -23,7 +23,6 @@ from tdfscal.dwells.noise_level import (
     evened,
     runs,
     signals,
-    travels,
     without_creep,
 )
 from tdfscal.dwells.ringing import Ringing, find_ringing
@@ -42,6 +41,7 @@ _ALIKE = 0.8  # share of them with one sign
 _MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gaussian
 _LAST = 0.75  # of a stop: what comes before is settling, as a rule
 _SHORTEST_SLOPE = 8  # bins
+_SMOOTH = 2.0 * np.sqrt(2.0 ** (SCALES - 1))  # growth of differences in a motion
 
 
 def mark_changes(signal: Signals, noise: Noise, marked: BoolArray) -> BoolArray:
@@ -114,7 +114,9 @@ def segment(
     marked = quiet_seed(sample, out, width)
     for _ in range(_ROUNDS):
         noise = difference_noise(sample, marked, SCALES)
-        if travels(noise):
+        # Differences of windows grow like W in a smooth motion, like √W at most in noise.
+        short = np.maximum(noise.difference[0], noise.quantum)
+        if np.any(noise.difference[-1] > _SMOOTH * short + 1e-300):
             return np.ones_like(base), noise
         noise = without_creep(noise)
         previous, marked = marked, mark_changes(sample, noise, out)
@@ -127,30 +129,20 @@ def segment(
 class Field:
     """What the search works on: signals, where they change, their noise, the limits in bins.
 
-    signals : of 6n axes, positions first; the forces without drift common to
-    all stops, without ringing, and of one noise in all stops. visible : (3n,), m,
-    change of a position between two bins that stands out of the noise.
+    signals : of 6n axes, positions first; the forces without drift common to all stops, without
+    ringing, and of one noise in all stops. positions : (3n, B), m. visible : (3n,), m, change of a
+    position between two bins that stands out of the noise.
     """
 
     bins: Bins
     signals: Signals
+    positions: FloatArray
     moving: BoolArray
     disturbed: BoolArray
     noise: Noise
     visible: FloatArray
     shortest: int
     ringing: Ringing | None
-
-    @property
-    def positions(self) -> FloatArray:
-        """(3n, B), m."""
-        return self.signals.value[: 3 * len(self.bins.supports)]
-
-    @property
-    def long_run(self) -> FloatArray:
-        """First guess (6n,), from the longest windows whose noise was measured."""
-        width = 2 ** (len(self.noise.difference) - 1)
-        return np.asarray(self.noise.of_mean(width) * np.sqrt(width))
 
     def time(self, index: int) -> float:
         """Time of a bin's edge, s."""
@@ -167,7 +159,12 @@ def prepare(bins: Bins) -> Field:
     """Noise and changes of all signals."""
     axes = 3 * len(bins.supports)
     every = signals(bins)
-    positions, forces = every.axes(slice(axes)), every.axes(slice(axes, None))
+    positions, forces = (
+        Signals(value, every.gap, quantum)
+        for value, quantum in zip(
+            np.split(every.value, [axes]), np.split(every.quantum, [axes]), strict=True
+        )
+    )
     step = np.diff(bins.start, prepend=bins.start[0] - bins.width)
     gap = every.gap | (step > 1.5 * bins.width)  # or a stretch without any sample before it
     moving, position_noise = segment(positions, gap, bins.width)
@@ -188,6 +185,7 @@ def prepare(bins: Bins) -> Field:
     return Field(
         bins=bins,
         signals=every,
+        positions=every.value[:axes],
         moving=moving,
         disturbed=disturbed,
         noise=without_creep(difference_noise(every, disturbed, LONGEST)),

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from tdfscal.dwells.bins import Bins, reduce_to_bins, zeros
-from tdfscal.dwells.clock_offset import misaligned, motion_offset
+from tdfscal.dwells.clock_offset import is_large, misaligned, motion_offset, offset_finding
 from tdfscal.dwells.dwell_means import (
     Extent,
     Moments,
@@ -82,7 +82,9 @@ def dwells_of_bins(bins: Bins) -> Dwells:
     the stops is enough for the first two.
     """
     field = prepare(bins)
-    long_run = field.long_run
+    # A first guess, from the longest windows whose noise was measured.
+    width = 2 ** (len(field.noise.difference) - 1)
+    long_run = field.noise.of_mean(width) * np.sqrt(width)
     extents, left_out = search(field, long_run, rough=True, some=_SAMPLE)
     for some in (_SAMPLE, None):
         if extents:
@@ -90,18 +92,16 @@ def dwells_of_bins(bins: Bins) -> Dwells:
             # Of a bin as it counts in a long mean.
             density = np.median(dwell_moments(bins, extents).density, axis=0)
             found = np.sqrt((density / (bins.width / bins.period)[:, None]).ravel())
-            long_run = np.where(found > 0, found, field.long_run)
+            long_run = np.where(found > 0, found, long_run)
         extents, left_out = search(field, long_run, some=some)
     dwells = _with_statistics(field, extents, left_out)
     if not len(dwells):
-        from tdfscal.dwells.find import explain  # of logs without any
-
         return replace(dwells, absence=explain(bins, field.moving, field.shortest * bins.width))
     if dropped := zeros(bins):
         dwells = replace(dwells, findings=(*dwells.findings, dropped))
     offset = motion_offset(bins, dwells)
-    if offset is not None and offset.large:
-        return replace(dwells, findings=(*dwells.findings, offset.finding))
+    if offset is not None and is_large(offset):
+        return replace(dwells, findings=(*dwells.findings, offset_finding(offset)))
     return dwells
 
 

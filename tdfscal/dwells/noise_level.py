@@ -22,7 +22,6 @@ _ENOUGH_LONG = 4  # windows one after the other that show it at long scales
 _APART = 16  # differences apart from each other that show how large they are, and how they follow
 _MAD = 1.482602218505602  # standard deviation / median absolute deviation, Gaussian
 _P90 = 1.6448536269514722  # 90 % quantile of a size / standard deviation, Gaussian
-_SMOOTH = 2.0 * np.sqrt(2.0 ** (SCALES - 1))
 _SOME_BENDS = 100
 _BENDS = 10  # second differences that show how noisy a rest is
 _CREEP = 1.25  # growth from the second longest windows to the longest; settling doubles
@@ -44,10 +43,6 @@ class Signals:
     value: FloatArray
     gap: BoolArray
     quantum: FloatArray
-
-    def axes(self, some: slice) -> Signals:
-        """Some of the axes, a view."""
-        return Signals(self.value[some], self.gap, self.quantum[some])
 
 
 @record
@@ -265,12 +260,3 @@ def without_creep(noise: Noise) -> Noise:
             -0.5 * (beyond - lowest[axis])
         )
     return replace(noise, difference=difference)
-
-
-def travels(noise: Noise) -> bool:
-    """Is even the quietest part of the log a smooth motion?
-
-    Differences of windows grow like W in a motion, like √W at most in noise.
-    """
-    short = np.maximum(noise.difference[0], noise.quantum)
-    return bool(np.any(noise.difference[-1] > _SMOOTH * short + 1e-300))

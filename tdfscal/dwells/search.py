@@ -9,7 +9,7 @@ import numpy as np
 from tdfscal.dwells.dwell_means import Extent, evenly
 from tdfscal.dwells.field import Field
 from tdfscal.dwells.noise_level import runs
-from tdfscal.dwells.settling import Settled, Stretch, one_level, settled_part
+from tdfscal.dwells.settling import Stretch, one_level, settled_part
 from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, IntArray, LeftOut
 from tdfscal.significance import SAME_LEVEL
@@ -159,26 +159,10 @@ def _within_rest(
         wanted = field.shortest * field.bins.width
         reason = Finding("stop-too-short", size=length, unit="s", values={"wanted": wanted})
         return [], [field.out(begin, end, reason)]
-    settled, unsettled = _settled_parts(field, stretch, begin, end, inner, rough)
-    if not settled:
-        rings: dict[str, Value] = {}
-        if field.ringing:
-            rings = {"constant": field.ringing.constant, "frequency": field.ringing.frequency}
-        reason = Finding("stop-unsettled", size=length, unit="s", values=rings)
-        return [], [field.out(begin, end, reason)]
-    kept = [Extent(a.begin, a.end, np.ones(a.end - a.begin, np.bool_)) for a in settled]
-    return kept, unsettled
-
-
-def _settled_parts(
-    field: Field, stretch: Stretch, begin: int, end: int, inner: list[int], rough: bool
-) -> tuple[list[Settled], list[LeftOut]]:
-    """Settled parts of a rest [begin, end) in time order, and calm ones that are not settled."""
     clear, latest = inner
-    settled: list[Settled] = []
-    unsettled: list[LeftOut] = []
     held = round(_TRANSIENT / field.bins.width)
-    origin = begin
+    calm_from = begin + runs(~field.disturbed[begin:end])[0]
+    kept, unsettled, origin = list[Extent](), list[LeftOut](), begin
     for calm, stop in (found := _calm(field, begin, end)):
         start, last = max(calm, clear), min(stop, latest)
         if last - start < field.shortest:
@@ -190,17 +174,15 @@ def _settled_parts(
             unsettled.append(field.out(start, last, Finding("stop-changing")))
             continue
         if part.end - part.begin >= held or stop == found[-1][1]:
-            settled.append(part)
-        origin = _next(field, stop, end)
-    return settled, unsettled
-
-
-def _next(field: Field, begin: int, end: int) -> int:
-    """First bin in [begin, end) after the change that follows."""
-    disturbed = field.disturbed[begin:end]
-    changed = int(np.argmax(disturbed)) if disturbed.any() else len(disturbed)
-    calm = ~disturbed[changed:]
-    return begin + changed + (int(np.argmax(calm)) if calm.any() else len(calm))
+            kept.append(Extent(part.begin, part.end, np.ones(part.end - part.begin, np.bool_)))
+        origin = min(calm_from[calm_from >= stop], default=end)
+    if kept:
+        return kept, unsettled
+    rings: dict[str, Value] = {}
+    if field.ringing:
+        rings = {"constant": field.ringing.constant, "frequency": field.ringing.frequency}
+    reason = Finding("stop-unsettled", size=length, unit="s", values=rings)
+    return [], [field.out(begin, end, reason)]
 
 
 def _calm(field: Field, begin: int, end: int) -> list[tuple[int, int]]:

@@ -78,11 +78,6 @@ class Stretch:
         total = self.total[end - self.start] - self.total[begin - self.start]
         return np.asarray(total / length)
 
-    @property
-    def force(self) -> slice:
-        """The axes that settle."""
-        return slice(self.forces, None)
-
     def misfit(self, difference: FloatArray, variance: FloatArray, p: float) -> BoolArray:
         """Does a difference of means (..., A) contradict the noise, with false alarm p?
 
@@ -182,7 +177,7 @@ def _without_decay(
     A tail too small to see in itself still shifts a long mean, so the decay is measured where it
     is visible: y = c + a e^{−t/τ} from bin `visible` on, one τ for all axes, and extrapolated.
     """
-    long_run = stretch.long_run[stretch.force]
+    long_run = stretch.long_run[stretch.forces :]
     start = np.arange(begin, max(end - shortest, begin) + 1)
     length = end - start
     square = np.zeros(len(start))
@@ -208,8 +203,8 @@ def _fit_decay(stretch: Stretch, begin: int, end: int) -> tuple[float, FloatArra
 
     None where there is none that the noise does not explain.
     """
-    value = stretch.value[stretch.force, begin - stretch.start : end - stretch.start]
-    long_run = stretch.long_run[stretch.force]
+    value = stretch.value[stretch.forces :, begin - stretch.start : end - stretch.start]
+    long_run = stretch.long_run[stretch.forces :]
     noisy = long_run > 0
     length = value.shape[1]
     if length < 8 or not noisy.any():
@@ -228,7 +223,7 @@ def _fit_decay(stretch: Stretch, begin: int, end: int) -> tuple[float, FloatArra
     best = int(np.argmax(gain))
     # Vibration leaves more in a window of this length than in a long one.
     window = max(int(tau[best]), 1)
-    sigma = stretch.noise.of_mean(window)[stretch.force][noisy] * np.sqrt(window)
+    sigma = stretch.noise.of_mean(window)[stretch.forces :][noisy] * np.sqrt(window)
     excess = max(float(np.median(sigma / long_run[noisy])), 1.0)
     if gain[best] < excess**2 * least:
         return None

@@ -13,7 +13,6 @@ import numpy as np
 from tdfscal.catalogue import told
 from tdfscal.dwells import (
     Bins,
-    Offset,
     dwells_of_bins,
     find_dwells,
     misaligned,
@@ -33,6 +32,7 @@ from tdfscal.logs.contents import Contents
 from tdfscal.logs.formats import expand, open_log, owns
 from tdfscal.logs.mapping_guess import Guess, guess_recorders
 from tdfscal.logs.reader import TimeWindow, iter_log
+from tdfscal.numerics.streams import Line
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, RecorderClock
 
 Source = Literal["rig", "guessed"]
@@ -76,7 +76,7 @@ class LogInfo:
     signals: tuple[Signal, ...] = ()
     inputs: tuple[InputFile, ...] = ()
     dwells: Dwells | None = None
-    offset: Offset | None = None
+    offset: Line | None = None
     lag: Finding | None = None
     problems: tuple[str, ...] = ()
     clocks: tuple[RecorderClock, ...] = ()

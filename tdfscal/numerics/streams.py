@@ -53,12 +53,12 @@ _MEDIAN = 1.2533141373155003  # standard error of a median / that of a mean, Gau
 
 @record
 class Line:
-    """value at the middle of the moves, s, and its growth, rate; standard errors; their span, s.
+    """What moves show: seconds at their middle, s, its growth, rate; standard errors; span, s.
 
     Three standard errors cover 99.73 %: those of few moves are wider by Student's distribution.
     """
 
-    value: float
+    seconds: float
     std: float
     rate: float
     rate_std: float

@@ -12,6 +12,7 @@ from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.inputs import STOPS
 from tdfscal.catalogue.numbers import rounded, when
+from tdfscal.dwells import offset_finding
 from tdfscal.errors import visible
 from tdfscal.files.rig.draft import stated_log
 from tdfscal.files.saving import in_utf8
@@ -108,7 +109,7 @@ def _signals(info: LogInfo) -> Iterator[str]:
     for clock in info.clocks:
         told = told_clock(clock, info.recorders)
         yield from wrapped(f"Recorder {clock.recorder}: {told}; times are those of the first one.")
-    for found in (info.offset.finding if info.offset else None, info.lag):
+    for found in (offset_finding(info.offset) if info.offset else None, info.lag):
         if found is not None:
             yield from wrapped(begun(sentence(found), "."))
     yield from wrapped(_recorded(info))

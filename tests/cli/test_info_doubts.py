@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 import tdfscal
+from tdfscal.dwells import offset_finding
 from tests.cli.running import SAMPLES, Cli
 from tests.files.logs.log_making import (
     STAMPED,
@@ -133,7 +134,7 @@ def test_forces_of_any_lag_are_seen(tmp_path: Path, rows: int) -> None:
     late[:, [0, *POSITIONS]] = whole[:, [0, *POSITIONS]]
     kept = slice(max(rows, 0), min(rows, 0) or None)
     found = tdfscal.info(written(tmp_path / "late", late[kept], block=True)).description
-    lag = found.offset.finding if found.offset else found.lag
+    lag = offset_finding(found.offset) if found.offset else found.lag
     assert lag is not None
     assert lag.size == pytest.approx(abs(rows) * 0.02, abs=0.02)
     assert lag.values["late"] is (rows > 0)

@@ -15,7 +15,7 @@ def test_three_standard_errors_cover_lines_of_few_moves(moves: int) -> None:
     for _ in range(3000):
         time = np.sort(rng.uniform(0.0, 10.0 * moves, moves))
         line = line_through(time, rng.normal(0.0, 5e-3, moves), 1e-9)
-        beyond += np.abs([line.value / line.std, line.rate / line.rate_std]) > 3.0
+        beyond += np.abs([line.seconds / line.std, line.rate / line.rate_std]) > 3.0
     assert beyond.max() / 3000 < 0.01
 
 
