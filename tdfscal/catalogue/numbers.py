@@ -35,7 +35,7 @@ _MINUS = re.compile(r"(?<![\w.)\]-])[-−](?=\.?\d[\d.]*(?:[\s,;:)\]%°/]|$))")
 _PERCENT = re.compile(r"(?<=\d)%(?!\w)")
 #: Spaces at which no line ends, and what stands there.
 _UNBROKEN = re.compile(
-    r"(?<=[±<>=]) (?=\d)|(?<=\d) (?=±|%|mrad\b)|(?:(?<=\b[kp])|(?<=χ²)) (?=[=<>] )"
+    r"(?<=[±<>=]) (?=\d)|(?<=\d) (?=±|%|mrad\b|N\b)|(?:(?<=\b[kp])|(?<=χ²)) (?=[=<>] )"
 )
 FIXED = "\u00a0"
 #: What arithmetic alone may add to a size that is rounded upwards, in its last digit.

@@ -33,22 +33,20 @@ from tdfscal.detection.path import (
     ZeroChange,
     errors,
     explained_by_zeros,
+    planned_readings,
     unexplained,
 )
 from tdfscal.detection.path import Path as Places
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.parameters import calibrated
-from tdfscal.files.writers.plan import Driven, read_plan
+from tdfscal.files.writers.plan import read_plan
 from tdfscal.findings import Finding, Value, rejecting, unfit
-from tdfscal.frozen import record
-from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import gravity, sensing
+from tdfscal.frozen import record, replace
 from tdfscal.model.postures import ZeroAge
-from tdfscal.model.samples_in_motion import rotations
-from tdfscal.model.statics import carrying
 from tdfscal.records import BoolArray, FloatArray
-from tdfscal.reporting.layout import Drawing, Report, document, each_named
+from tdfscal.reporting.layout import Drawing, Report, document, each_named, utc
 from tdfscal.reporting.summaries import UNITS, capability_report
+from tdfscal.reporting.traceability import Making, calibration_fact, exact_names
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.wrench_noise import by_sensor
 
@@ -62,7 +60,7 @@ _AGED = 0.5
 class CapabilityResult(CommandResult):
     """Thresholds and smallest contacts along a path, with what was asked and what was found.
 
-    about : (3,), m, LCS, point of the moments.
+    about : (3,), m, LCS, point of the moments. name : of the calibration. making : with its inputs.
     """
 
     calibration: Calibration
@@ -71,6 +69,8 @@ class CapabilityResult(CommandResult):
     findings: tuple[Finding, ...]
     about: tuple[float, float, float]
     timed: bool
+    name: str
+    making: Making
 
     @property
     def exit_status(self) -> int:
@@ -79,9 +79,12 @@ class CapabilityResult(CommandResult):
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out thresholds, what they come from, and what would help."""
-        return capability_report(
-            self.capability, self.request, self.findings, self.about, timed=self.timed
-        )
+        c, asked = self.calibration, (self.request, self.findings, self.about)
+        found = capability_report(self.capability, *asked, timed=self.timed)
+        facts = calibration_fact(self.name, c), ("Taken as exact", exact_names(c))
+        sections = (*found.sections, self.making.section(*facts))
+        title, created = f"{c.rig.name}: {found.title}", utc(self.making.created)
+        return replace(found, title=title, sections=sections, created=created)
 
     def document(self) -> dict[str, Any]:
         """Return thresholds, contacts, shares and findings as plain JSON values."""
@@ -128,6 +131,7 @@ def capability(
     at: options.LcsPoint = (0.0, 0.0, 0.0),
     html: options.Page = None,
     progress: options.Telling = silent,
+    command: str = "",
 ) -> CapabilityResult:
     """Find thresholds for a machine, and the smallest contact it then notices, along a free path.
 
@@ -152,7 +156,9 @@ def capability(
     named = shlex.join([path.log.name, *map(str, listed(paths))])
     judged = _findings(path, found, request.cutoff, f"tdfscal update {named} -o FILE")
     findings = (*path.findings, *judged)
-    return CapabilityResult(own, found, request, findings, point, not path.places.averaged)
+    making = Making(command, tuple(path.log.inputs))
+    timed = not path.places.averaged
+    return CapabilityResult(own, found, request, findings, point, timed, path.log.name, making)
 
 
 @record(kw_only=True)
@@ -248,7 +254,8 @@ def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) ->
     log = LogInUse(
         Campaign(rig, ()), Settings(), name=name, calibration=loaded, given=given, point=point
     )
-    places = Places(driven.time, driven.position, _readings(log.given, driven), driven.averaged)
+    readings = planned_readings(log.given, driven.position, driven.squeeze)
+    places = Places(driven.time, driven.position, readings, driven.averaged)
     return FreePath(
         log=log,
         places=places,
@@ -261,19 +268,6 @@ def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) ->
 def _scatter(log: LogInUse) -> FloatArray:
     """Variance (6,) of the wrench at a posture beyond what the rig file declares."""
     return np.asarray(max(log.excess_variance, 0.0) * by_sensor(log.given).sum(axis=0))
-
-
-def _readings(given: Calibrated, driven: Driven) -> FloatArray:
-    """Readings (K, n, 3), N, of the sensors at the postures of a plan."""
-    state = given.state
-    R = rotations(state.hinge, driven.position - state.datum)
-    weight = state.mass * gravity(state, given.rig.gravity)
-    middle = state.hinge.mean(axis=0)
-    arm, arm_m = (
-        (place - middle) @ np.swapaxes(R, 1, 2) for place in (state.hinge, state.barycentre[None])
-    )
-    force = carrying(arm, arm_m[:, 0], weight) + driven.squeeze
-    return np.asarray(np.linalg.solve(sensing(state), force[..., None])[..., 0] + state.zero)
 
 
 def _findings(

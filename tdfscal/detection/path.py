@@ -10,9 +10,10 @@ from scipy.special import stdtr
 
 from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
-from tdfscal.model.parameters import layout
+from tdfscal.model.parameters import gravity, layout, sensing
 from tdfscal.model.postures import ZeroAge, zero_motion
-from tdfscal.model.samples_in_motion import Samples
+from tdfscal.model.samples_in_motion import Samples, rotations
+from tdfscal.model.statics import carrying
 from tdfscal.records import BoolArray, Drift, FloatArray, IntArray
 from tdfscal.significance import CONTACT_ON_PATH
 from tdfscal.wrench.contact_wrench import Linear, linearised, wrenches
@@ -295,3 +296,16 @@ def unexplained(errors: Errors, path: Path, time: FloatArray, value: FloatArray)
     at = path.time + _BLOCK / 2
     taken = [np.interp(time, at, there[:, c]) for c in range(6)]
     return np.asarray(value - np.stack(taken, axis=1))
+
+
+def planned_readings(given: Calibrated, position: FloatArray, squeeze: FloatArray) -> FloatArray:
+    """Return readings (K, n, 3), N, at postures (K, n, 3), m, at rest under internal forces, N."""
+    state = given.state
+    R = rotations(state.hinge, position - state.datum)
+    weight = state.mass * gravity(state, given.rig.gravity)
+    middle = state.hinge.mean(axis=0)
+    arm, arm_m = (
+        (place - middle) @ np.swapaxes(R, 1, 2) for place in (state.hinge, state.barycentre[None])
+    )
+    force = carrying(arm, arm_m[:, 0], weight) + squeeze
+    return np.asarray(np.linalg.solve(sensing(state), force[..., None])[..., 0] + state.zero)

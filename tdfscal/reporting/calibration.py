@@ -156,7 +156,8 @@ def _residual(c: Calibration) -> dict[str, ResidualWrench]:
 
 
 def _residual_wrench(c: Calibration) -> tuple[Table, ...]:
-    where = "leave-one-out postures, about the LCS origin"
+    last = " of the last campaign" * (len(c.campaigns) > 1)
+    where = f"leave-one-out postures{last}, about the LCS origin"
     if c.motion is not None:
         where = "stretches of the motion held out in turn, about the barycentre"
     return (layout.residual_table(_residual(c), where),) if c.validation is not None else ()

@@ -14,7 +14,14 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.numbers import measured, p_text, rounded, two_digits, typeset, with_std
+from tdfscal.catalogue.numbers import (
+    measured,
+    p_text,
+    rounded,
+    two_digits,
+    typeset,
+    with_std,
+)
 from tdfscal.errors import visible, without_exponent
 from tdfscal.files.saving import plain as as_json
 from tdfscal.findings import Finding
@@ -35,6 +42,8 @@ Cell = Callable[[int, int], str]
 _AS_STATED = 0.9
 LISTED = 8
 """Sentences of a list that a terminal shows at most; two lists of them fill half a screen."""
+PHONE = 52
+"""Letters that stand beside each other on a telephone."""
 ROWS = 10
 """Rows of a summary's table: with what stands above and below they fit a terminal's 24 lines."""
 
@@ -47,6 +56,13 @@ class Table:
     header: Row
     rows: tuple[Row, ...]
     left: int = 1
+
+    @property
+    def wide(self) -> bool:
+        """A telephone has no room for all columns beside each other, folded at their spaces."""
+        columns = zip(self.header, *self.rows, strict=True)
+        words = ([len(word) for cell in column for word in cell.split(" ")] for column in columns)
+        return sum(max(column) + 1 for column in words) > PHONE
 
     def brief(self) -> Table:
         """The same, cut to `ROWS` rows and the number of the others."""

@@ -141,7 +141,7 @@ def capability_report(
     spoilt = noiseless or any(f.code != "contact-unseen" for f in bad)
     apart = " (noise not counted)" if noiseless else ""
     return Report(
-        "Contact that this rig sees",
+        "contact that is seen",
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
         verdict="NO THRESHOLDS FOR A MACHINE" if bad or noiseless else "",
         accepted=not (bad or noiseless),

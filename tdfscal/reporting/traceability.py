@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
+from pathlib import PurePath
 from typing import Any
 
 from tdfscal import __version__
@@ -100,7 +101,7 @@ def content_facts(c: Calibration) -> tuple[tuple[str, str], ...]:
 def titled(c: Calibration) -> str:
     """The rig's name; of a pool whose draft bears a campaign's name, that there are others."""
     more = len(c.campaigns) - 1
-    drafted = more > 0 and c.rig.name in [one.name for one in c.campaigns]
+    drafted = more > 0 and c.rig.name in [PurePath(one.name).name for one in c.campaigns]
     return f"{c.rig.name} and {count(more, 'more campaign')}" if drafted else c.rig.name
 
 
@@ -334,8 +335,8 @@ def expired(c: Calibration) -> tuple[Finding, ...]:
 
 def certificates(findings: Iterable[Finding]) -> tuple[str, ...]:
     """What next of sensors whose certificate has ended: before all else."""
-    ended = (told(found) for found in findings if found.code == "sensor-overdue")
-    return tuple(dict.fromkeys(begun(text, ".") for text in ended))
+    ended = {found.subject: found for found in findings if found.code == "sensor-overdue"}
+    return tuple(begun(told(found), ".") for found in ended.values())
 
 
 def not_whole(c: Calibration) -> tuple[FindingResult, ...]:

@@ -301,7 +301,7 @@ def validation_report(
         tiles=(
             tested,
             *layout.residual_tiles(found),
-            ("residuals against stated", f"{measured((v.chi2 / v.dof) ** 0.5, 3)}",
+            ("residuals against stated", f"{measured((v.chi2 / v.dof) ** 0.5)}",
              f"{p_text(v.judged.p_value)}, limit {rounded(VALIDATION_CHI2, 3)}"),
             ("single change", p_text(v.judged.search_p), f"limit {rounded(VALIDATION_SEARCH, 3)}"),
         ),

@@ -38,9 +38,10 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     # matplotlib is slow to import, as is all that reads a calibration: not before it is drawn.
     from tdfscal.reporting.figures import angles, residuals, timeline
 
+    last = " of the last campaign" * (len(calibration.campaigns) > 1)
     found = (
         angles.draw(calibration),
-        residuals.at_postures(calibration.postures),
+        residuals.at_postures(calibration.postures, last),
         residuals.over_motion(calibration),
         residuals.survey(calibration),
         angles.budget(calibration),

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import measured, rounded
+from tdfscal.catalogue.numbers import measured, rounded, two_digits
 from tdfscal.comparison.compatibility import Comparison
 from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
@@ -28,6 +28,7 @@ from tdfscal.reporting.figures.style import (
     logarithmic,
     signed,
 )
+from tdfscal.reporting.headline import coverage
 from tdfscal.significance import COVERAGE_FACTOR
 
 #: Widest intervals within which the gate's limit leaves them legible.
@@ -94,19 +95,19 @@ def _paint(c: Calibration) -> Figure:
     ends = np.maximum(0, [value - low, high - value])
     right.errorbar(0 * value, place, xerr=ends, color=style.BLACK, ecolor=style.BLUE, **_WHISKERS)
     right.axvline(0, color=style.GREY, linewidth=0.8)
-    _gate(right, 1e3 * c.limit_half_width, float(np.nanmax(ends)))
+    _gate(right, 1e3 * c.limit_half_width, float(np.nanmax(ends)), coverage(c))
     right.tick_params(left=False)
     return fig
 
 
-def _gate(ax: Axes, limit: float, widest: float) -> None:
+def _gate(ax: Axes, limit: float, widest: float, covered: str) -> None:
     """Where the quality gate rejects, mrad: drawn where intervals come near, else said."""
     said = f"the gate rejects beyond ±{measured(limit)} mrad"
     if limit < _NEAR * widest:
         said += " (dashed)"
         for end in (-limit, limit):
             ax.axvline(end, color=style.RED, linestyle="--", linewidth=1.2)
-    ax.set_xlabel(f"95 % interval about the angle, mrad;\n{said}")
+    ax.set_xlabel(f"interval about the angle, mrad, {covered};\n{said}")
 
 
 def differences(pairs: Sequence[Comparison]) -> Drawing:
@@ -172,7 +173,7 @@ def _paint_budget(c: Calibration, budget: Budget) -> Figure:
                 ax.text(x + width / 2, y, f"{width:.0f} %", **_ON_A_BAR)
         left += share
     for y, std in zip(place, c.rpy_std[c.determined].ravel(), strict=True):
-        ax.text(101.5, y, f"{1e3 * std:.3f} mrad", va="center", fontsize=8)
+        ax.text(101.5, y, f"{two_digits(1e3 * std)} mrad", va="center", fontsize=8)
     ax.text(101.5, place[0] - 1.0, "std. uncertainty", va="center", fontsize=7.5)
     ax.set_xlim(0, 100)
     ax.set_ylim(place[-1] + 0.6, place[0] - 0.6)

@@ -27,8 +27,8 @@ _CHARACTER = 0.075
 Stretches = Sequence[Stretch] | Sequence[LeftOutStretch]
 
 
-def at_postures(table: PostureTable | None) -> Drawing | None:
-    """Length of the residual force and moment, posture by posture."""
+def at_postures(table: PostureTable | None, of: str = "") -> Drawing | None:
+    """Length of the residual force and moment, posture by posture; of : a pool, which campaign."""
     if table is None or not table.index:
         return None
     before, after = np.array(table.before), np.array(table.after)
@@ -36,7 +36,7 @@ def at_postures(table: PostureTable | None) -> Drawing | None:
     said = "calibrated without this posture"
     return Drawing(
         "residuals",
-        "Residual contact wrench at each posture",
+        f"Residual contact wrench at each posture{of}",
         f"Uncalibrated, a controller would take {measured(f, 3)} N and {measured(m, 3)} N·m for "
         f"contact where there is none; calibrated, {measured(left_f)} N and {measured(left_m)} N·m "
         "(rms, each posture predicted from the others).",

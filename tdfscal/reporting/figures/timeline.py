@@ -46,7 +46,8 @@ def draw(c: Calibration) -> Drawing | None:
         said += f", {np.sum(used.end) - np.sum(used.start):.0f} s of force readings in all"
     said += f"; {len(gone) or 'none'} had to be rejected{' (hatched)' * bool(gone)}."
     paint = partial(_paint, c, used, dwells, gone)
-    return Drawing("timeline", "The log and its dwells", said, paint)
+    of = " of the last campaign" * (len(c.campaigns) > 1)
+    return Drawing("timeline", f"The log and its dwells{of}", said, paint)
 
 
 def _paint(
