@@ -122,6 +122,11 @@ def two_digits(std: float) -> str:
     return to_place(std, places(std))
 
 
+def coverage(accepted: bool) -> str:
+    """What an interval is; one that a result's own reasons refute covers nothing in particular."""
+    return "95 %" if accepted else "by the stated uncertainties alone"
+
+
 def count(number: int, noun: str) -> str:
     """Return "1 line", "26 lines"."""
     return f"{number} {noun}{'s' * (number != 1)}"

@@ -9,7 +9,15 @@ from pathlib import PurePath
 import numpy as np
 from pydantic import BaseModel
 
-from tdfscal.catalogue.numbers import bracketed, count, measured, places, to_place, with_std
+from tdfscal.catalogue.numbers import (
+    bracketed,
+    count,
+    coverage,
+    measured,
+    places,
+    to_place,
+    with_std,
+)
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ClockResult, MotionResult, ResidualWrench, has_delay
 from tdfscal.files.calibration.parameters import calibrated
@@ -23,7 +31,6 @@ from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.figures import clock
 from tdfscal.reporting.headline import (
-    coverage,
     draft_lines,
     exact_table,
     headline,
@@ -117,7 +124,7 @@ def _summary(c: Calibration) -> Table:
         for m, row in zip(c.mounted, c.half_widths, strict=True)
     ]
     rows += [(name, "undetermined", "", "") for name in c.undetermined]
-    caption = f"Installation angles, mrad, {coverage(c)}; {_CONVENTION}"
+    caption = f"Installation angles, mrad, {coverage(c.accepted)}; {_CONVENTION}"
     return Table(caption, ("sensor", *ANGLES), tuple(rows))
 
 
@@ -140,7 +147,7 @@ def _angles(c: Calibration) -> Table:
     caption = f"Installation angles in the BCS, mrad; {_CONVENTION}"
     if not c.accepted:
         header = (*header[:4], "interval", header[5])
-        caption += f"; intervals {coverage(c)}"
+        caption += f"; intervals {coverage(c.accepted)}"
     return Table(caption, header, tuple(rows), left=2)
 
 
@@ -249,7 +256,7 @@ def _stated(block: BaseModel, place: str, *keys: str) -> Iterator[tuple[str, str
 
 def _tiles(c: Calibration) -> Iterator[Row]:
     yield (
-        f"each angle, {coverage(c)}",
+        f"each angle, {coverage(c.accepted)}",
         within(c),
         f"limit ± {measured(1e3 * c.limit_half_width)} mrad",
     )

@@ -84,11 +84,6 @@ def _bounds(half: FloatArray) -> str:
     return f"± {two_digits(1e3 * float(half.max()))} mrad"
 
 
-def coverage(c: Calibration) -> str:
-    """What an interval is; one that its own reasons refute covers nothing in particular."""
-    return "95 %" if c.accepted else "by the stated uncertainties alone"
-
-
 def headline(c: Calibration) -> str:
     """One number for all angles, what it counts, what it does not, and what it rests on.
 

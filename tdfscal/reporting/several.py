@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import p_text, rounded, with_std
+from tdfscal.catalogue.numbers import coverage, p_text, rounded, with_std
 from tdfscal.comparison.compatibility import Comparison, in_order_of, judged_together, rpy_std
 from tdfscal.files.calibration.compared import Named, compared, defects
 from tdfscal.files.calibration.document import Calibration
@@ -17,7 +17,7 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.reporting import layout
-from tdfscal.reporting.headline import coverage, within
+from tdfscal.reporting.headline import within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Section, Table, by_angle, mrad
 from tdfscal.reporting.traceability import (
     Making,
@@ -137,7 +137,7 @@ def several_report(view: Several, making: Making, drawings: tuple[Drawing, ...] 
 def _described(c: Calibration) -> str:
     status = c.status if c.status == "accepted" else c.status.upper()
     method = layout.METHODS[c.method].split(",")[0]
-    return f"{method}{measured_on(c)}, {status}, each angle {within(c)} ({coverage(c)})"
+    return f"{method}{measured_on(c)}, {status}, each angle {within(c)} ({coverage(c.accepted)})"
 
 
 def _keep(view: Several) -> str:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import measured, rounded, two_digits
+from tdfscal.catalogue.numbers import coverage, measured, rounded, two_digits
 from tdfscal.comparison.compatibility import Comparison
 from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
@@ -28,7 +28,6 @@ from tdfscal.reporting.figures.style import (
     logarithmic,
     signed,
 )
-from tdfscal.reporting.headline import coverage
 from tdfscal.significance import COVERAGE_FACTOR
 
 #: Widest intervals within which the gate's limit leaves them legible.
@@ -95,7 +94,7 @@ def _paint(c: Calibration) -> Figure:
     ends = np.maximum(0, [value - low, high - value])
     right.errorbar(0 * value, place, xerr=ends, color=style.BLACK, ecolor=style.BLUE, **_WHISKERS)
     right.axvline(0, color=style.GREY, linewidth=0.8)
-    _gate(right, 1e3 * c.limit_half_width, float(np.nanmax(ends)), coverage(c))
+    _gate(right, 1e3 * c.limit_half_width, float(np.nanmax(ends)), coverage(c.accepted))
     right.tick_params(left=False)
     return fig
 
