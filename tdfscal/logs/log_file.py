@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, Literal, TypeVar, cast
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError, is_short, shortage
-from tdfscal.files.rig.recorders import UNITS, LogBlock, canonical
+from tdfscal.files.rig.recorders import NOT_RECORDED, UNITS, LogBlock, canonical
 from tdfscal.files.yaml import shorten
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -128,6 +128,9 @@ def make_request(
         fields = mapping.support_fields(name)
         position, force = fields.position or (), fields.force or ()
         measured = np.ones(3, dtype=np.bool_) if axes is None else axes[number]
+        if 1 < len(force) == measured.sum() < 3:
+            names = iter(force)
+            force = tuple(next(names) if axis else NOT_RECORDED for axis in measured)
         moves = signal_of(mapping, "position", name, position)
         # Without a sensor it reads 0, at the times of the positions.
         loads = signal_of(mapping, "force", name, force if measured.any() else position)

@@ -275,7 +275,7 @@ class RigFile(Strict):
             serials = [s.sensor.serial if s.sensor else None for s in self.supports]
             _each_its_own("serial number", serials, "sensor", "serial")
         check_hinges(names, np.array([support.hinge for support in self.supports]))
-        check_recorders(names, self.log or ())
+        check_recorders({s.name: s.axes for s in self.supports}, self.log or ())
         if self.drift.temperature > 0 and all(r.temperature is None for r in self.log or ()):
             what = "zeros that follow a temperature need one"
             hint = "name its field in the log block"

@@ -3,7 +3,7 @@ recorder names things and what all must hold; a laser tracker's survey and where
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
@@ -69,8 +69,8 @@ def by_scale(quantity: Dimension, unit: str) -> str | None:
     return f"write `{line}` beside the {quantity} fields of each support in the log block"
 
 
-#: In place of a field that no recorder has, of an axis that is not measured.
-_NOT_RECORDED = "none"
+NOT_RECORDED: Final = "none"
+"""In place of a field that no recorder has, of an axis that is not measured."""
 _FIELD = {"type": ["string", "integer"], "minLength": 1}
 FieldName = Annotated[kind.Text, BeforeValidator(kind.whole_as_text), WithJsonSchema(_FIELD)]
 """A field of a log: its name or, of a table without a header, the number of its column from 1."""
@@ -88,14 +88,6 @@ def _list(given: Any) -> Any:
     return given if isinstance(given, (list, tuple)) else (given,)
 
 
-def _one_or_three(given: Any) -> Any:
-    fields = _list(given)
-    if len(fields) not in (1, 3):
-        what = f"must be three fields or one with members x, y, z, got {len(fields)}"
-        raise fault(what, hint="write [X, Y, Z] or one name")
-    return fields
-
-
 def _alone(several: Any, written: SerializerFunctionWrapHandler) -> Any:
     each = written(several)
     return each[0] if len(each) == 1 else each
@@ -103,11 +95,11 @@ def _alone(several: Any, written: SerializerFunctionWrapHandler) -> Any:
 
 Fields = Annotated[
     tuple[FieldName, ...],
-    BeforeValidator(_one_or_three),
+    BeforeValidator(_list),
     WrapSerializer(_alone),
-    WithJsonSchema({"anyOf": [_FIELD, kind.list_of(_FIELD, 3, 3), kind.list_of(_FIELD, 1, 1)]}),
+    WithJsonSchema({"anyOf": [_FIELD, kind.list_of(_FIELD, 1, 3)]}),
 ]
-"""Three fields, or one field with members x, y, z."""
+"""A field per axis that is measured, or one field with members x, y, z."""
 
 
 def _not_zero(scale: kind.Vector) -> kind.Vector:
@@ -133,7 +125,7 @@ class SupportFields(Strict):
     """
 
     position: Fields | None = key("three fields, or one with x, y, z", None)
-    force: Fields | None = key("likewise; each is needed, from one recorder or another", None)
+    force: Fields | None = key("likewise, or one per measured axis; both are needed", None)
     position_scale: Scale | None = key(
         "m: per unit of the log, in place of length_unit; one number or three", None
     )
@@ -220,13 +212,23 @@ LogBlocks = Annotated[
 """One recorder's block, or a list of them."""
 
 
-def check_recorders(names: Sequence[str], recorders: Sequence[LogBlock]) -> None:
-    """Refuse blocks that do not hold each support's position and force once, all together."""
+def check_recorders(measured: Mapping[str, Sequence[str]], recorders: Sequence[LogBlock]) -> None:
+    """Refuse blocks that do not hold each support's position and force once, all together.
+
+    measured : support's name → the axes of its sensor; of none, no force is asked for, and in the
+        order x, y, z a field for each is enough.
+    """
+    names = tuple(measured)
     held: dict[tuple[str, str], int] = {}
     for index, recorder in enumerate(recorders):
         place = ("log", index)
         _check_block(names, recorder, place, several=len(recorders) > 1)
-        for what in recorder.fields:
+        for what, fields in recorder.fields.items():
+            own = list(measured[what[0]]) if what[1] == "force" else []
+            if len(fields) not in (1, 3) and (len(fields) != len(own) or own != sorted(own)):
+                said = f"must be three fields or one with members x, y, z, got {len(fields)}"
+                hint = f"write [X, Y, Z] or one name; {NOT_RECORDED} for an axis not measured"
+                raise fault(said, *place, "supports", *what, hint=hint)
             if what in held:
                 raise fault(
                     f"the {what[1]} of {what[0]} is recorder {held[what] + 1}'s already",
@@ -237,7 +239,8 @@ def check_recorders(names: Sequence[str], recorders: Sequence[LogBlock]) -> None
     if not any(recorder.supports is not None for recorder in recorders):
         return
     for name in names:
-        missing = [what for what in ("position", "force") if (name, what) not in held]
+        needed = ("position", "force") if measured[name] else ("position",)
+        missing = [what for what in needed if (name, what) not in held]
         if len(missing) == 2:
             raise fault(f"lacks the support `{name}`", "log", "supports", hint=f"add `{name}: ...`")
         if missing:
@@ -265,7 +268,7 @@ def _check_block(
     served[*place, "temperature"] = tuple(dict.fromkeys(warm or ()))
     for where, used in served.items():
         for field in used:
-            if field in taken and field != _NOT_RECORDED:
+            if field in taken and field != NOT_RECORDED:
                 what = f"the field `{field}` already serves {taken[field]}"
                 raise fault(what, *where, hint="let each field serve one quantity")
             taken[field] = ".".join(part for part in where if isinstance(part, str))

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tdfscal.errors import DataError
-from tdfscal.files.rig.reading import load_rig
+from tdfscal.errors import DataError, RigError
+from tdfscal.files.rig.reading import load_rig, parse_rig
 from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.logs import read_log
@@ -59,6 +59,28 @@ def test_csv_without_columns(folders: dict[str, Path], tmp_path: Path, cell: str
     line = r"write `axes: \[.*\]` for ncp[34] in rig.yaml"
     with pytest.raises(DataError, match=line):
         read(path, folder)
+
+
+def test_a_field_for_each_axis_that_is_measured(folders: dict[str, Path]) -> None:
+    folder = folders["csv"]
+    text = (folder / "rig.yaml").read_text()
+    for gone, there in (
+        ("name: ncp2\n", "name: ncp2\n  axes: [x, z]\n"),
+        ("name: ncp4\n", "name: ncp4\n  axes: []\n"),
+        ("TDFS2_Fy, ", ""),
+        ("\n      force: [TDFS4_Fx, TDFS4_Fy, TDFS4_Fz]", ""),
+    ):
+        assert text.count(gone) == 1
+        text = text.replace(gone, there)
+    rig = parse_rig(text.encode(), "rig.yaml")
+    whole = read(folder / "log.csv", folder)
+    log = read_log([folder / "log.csv"], rig.log, SUPPORTS, axes=rig.rig.axes)
+    for i, lacks in ((1, [1]), (3, [0, 1, 2])):
+        expected = whole.force[i].value.copy()
+        expected[:, lacks] = 0.0
+        assert np.array_equal(log.force[i].value, expected)
+    with pytest.raises(RigError, match="none for an axis not measured"):
+        parse_rig(text.replace("[x, z]", "[z, x]").encode(), "rig.yaml")
 
 
 def test_messages_with_nan(tmp_path: Path) -> None:
