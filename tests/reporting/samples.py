@@ -12,6 +12,7 @@ from tdfscal.comparison.compatibility import combine
 from tdfscal.files.calibration.document import Calibration, save_calibration
 from tdfscal.files.calibration.from_results import Provenance, from_joint, from_self, from_tracker
 from tdfscal.files.rig.reading import LoadedRig, parse_rig
+from tdfscal.files.saving import plain
 from tdfscal.records import Dwells, InputFile, Measured, Rotations
 from tdfscal.reporting.figures import style
 from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
@@ -111,8 +112,7 @@ def surveyed() -> tuple[Calibration, Calibration]:
 
 def changed(c: Calibration, **changes: Any) -> Calibration:
     """The same file with some fields altered, checked again; nothing marks its rig as edited."""
-    content = c.model_dump() | changes
-    return Calibration.model_validate(content)
+    return Calibration.model_validate(plain(c.model_dump() | changes))
 
 
 def without_parameters(content: dict[str, Any]) -> dict[str, Any]:

@@ -42,8 +42,7 @@ def _read_only(array: Array) -> Array:
 class Calibration(Strict):
     """The installation rotations of a rig's sensors, with all that belongs to them.
 
-    The fields are those of the file; arrays may be given as numpy arrays. n supports; rotations
-    take a sensor's frame to the BCS.
+    The fields are those of the file. n supports; rotations take a sensor's frame to the BCS.
     """
 
     format: Literal["tdfscal-calibration/1"] = key("name and version of this format")
