@@ -88,7 +88,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         sections=(
             *layout.illustrated(drawings, blocks),
             Section("Zeros and load after the adjustment", _adjusted(c)),
-            Section("Statistics", (Facts(statistics(c)), *layout.listed("Notes", notes))),
+            Section("Statistics", (Facts(tuple(_statistics(c))), *layout.listed("Notes", notes))),
             Section("What is taken as exact", exact_table(c)),
             Section("Rotations and gains", _matrices(c), page_only=True),
             Section("Lines to confirm", layout.listed("", draft_lines(c))),
@@ -276,12 +276,8 @@ def _tiles(c: Calibration) -> Iterator[Row]:
         yield "residuals against stated", f"{judged.birge:.2f}", f"limit {limit}"
 
 
-def statistics(c: Calibration) -> tuple[tuple[str, str], ...]:
-    """How well the fit agrees with what is stated."""
-    return tuple(_statistics(c))
-
-
 def _statistics(c: Calibration) -> Iterator[tuple[str, str]]:
+    """How well the fit agrees with what is stated."""
     if (f := c.fit) is not None:
         if c.motion is None or f.postures:
             yield "Postures", f"{f.postures} used, {len(f.rejected)} rejected"

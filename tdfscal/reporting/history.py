@@ -134,7 +134,7 @@ class History:
                 *layout.illustrated(drawings, {}),
                 Section("Angles now", (_angles(life),)),
                 campaign((("Serial number", self.rig.serial),), self.rig),
-                self.making.section(*checks, *_chart_rule(life), page_only=False),
+                self.making.section(*checks, _chart_rule(life), page_only=False),
             ),
             warnings=tuple(told(found) for found in self.findings if not found.rejects),
             advice=(
@@ -182,8 +182,8 @@ def _smallest(life: Life) -> str:
     )
 
 
-def _chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
-    """What the chart asks, how often it errs, and which step it sees."""
+def _chart_rule(life: Life) -> tuple[str, str]:
+    """What the chart asks, and how often it errs."""
     *shorter, longest = map(str, WINDOWS)
     rule = (
         f"an alarm is raised where the last {', '.join(shorter)} or {longest} checks show a sensor "
@@ -192,12 +192,7 @@ def _chart_rule(life: Life) -> tuple[tuple[str, str], ...]:
         f"({rounded(life.level[-1])} for the last), so that an unchanged rig raises at most "
         f"{rounded(life.rate)} false alarms a year, however often it is checked{FIXED}"
     )
-    step = (
-        f"had a sensor turned just before the last check ({day(life.month[-1])}), that check alone "
-        f"would have shown it with {DETECTION_POWER:.0%} probability from this size on: "
-        f"{_smallest(life)}"
-    )
-    return ("Decision rule", rule), ("Smallest step that is seen", step)
+    return "Decision rule", rule
 
 
 def _facts(life: Life, alarms: tuple[Alarm, ...], lost: int, due: str) -> Iterator[tuple[str, str]]:
@@ -207,7 +202,8 @@ def _facts(life: Life, alarms: tuple[Alarm, ...], lost: int, due: str) -> Iterat
     yield "checks", f"{len(life.names)}{time}" + f"; {lost} more left out" * bool(lost)
     yield "alarms", f"{len(alarms)}" + " in the checks judged" * bool(lost)
     yield "false alarms", f"at most {rounded(life.rate)} a year while nothing changes"
-    yield "smallest turn seen", _smallest(life)
+    seen = f"{_smallest(life)} (by the last check alone, with {DETECTION_POWER:.0%} probability)"
+    yield "smallest turn seen", seen
     stated = f"the rig file states {rounded(1e3 * life.declared)} mrad/√month"
     walk = f"{stated}; checks or days are too few to estimate it"
     if life.walk is not None:

@@ -12,7 +12,6 @@ from tdfscal.catalogue.numbers import FIXED
 from tdfscal.reporting.layout import Block, Facts, Report, Table, legible
 
 WIDTH = 80
-_LISTS = ("Warnings", "What next")
 #: Lines of a terminal; of them those of the files that were written.
 LINES, _FILES = 24, 2
 
@@ -26,15 +25,13 @@ def render(report: Report, *, whole: bool = True) -> str:
     for block in report.blocks(whole=whole):
         lines += ["", *_block(block)]
     short = bool(report.summary) and not whole
-    kept = _fitting(report, LINES - _FILES - len(lines) if short else math.inf)
-    space = [""]
-    for caption, items, count in zip(_LISTS, (report.warnings, report.advice), kept, strict=True):
-        if count < len(items):
-            first = {0: "", 1: "the first of "}.get(count, f"the first {count} of ")
-            caption += f" ({first}{len(items)}; -v shows all)"
+    room = LINES - _FILES - len(lines) if short else math.inf
+    kept = _fitting(report.advice, room, 1 if report.accepted else len(report.advice))
+    told = f" (the first {f'{kept} ' * (kept > 1)}of {len(report.advice)}; -v shows all)"
+    caption = "What next" + told * (kept < len(report.advice))
+    for name, items in (("Warnings", report.warnings), (caption, report.advice[:kept])):
         if items:
-            lines += [*space, caption, *bullets(items[:count])]
-            space = [""] if count else []
+            lines += ["", name, *bullets(items)]
     if report.number and not short:
         lines += ["", f"Report {report.number}"]
     return "".join(f"{line}\n" for line in lines)
@@ -59,22 +56,14 @@ def shown(report: Report, *, whole: bool = True) -> str:
     return printed.get() + others
 
 
-def _fitting(report: Report, room: float) -> list[int]:
-    """How many warnings and how much of what next fit into so many lines: warnings give way first.
+def _fitting(advice: Sequence[str], room: float, least: int) -> int:
+    """How much of what next fits into so many lines.
 
     What would mend a rejected result is never left out.
     """
-    lists = [[len(bullets([item])) for item in items] for items in (report.warnings, report.advice)]
-    kept = [len(items) for items in lists]
-    least = min(1, kept[1]) if report.accepted else kept[1]
-
-    def taken() -> int:
-        each = zip(lists, kept, strict=True)
-        return sum(1 + (n > 0) + sum(items[:n]) for items, n in each if items)
-
-    for k, floor in ((0, 1), (1, least), (0, 0)):
-        while kept[k] > floor and taken() > room:
-            kept[k] -= 1
+    kept = len(advice)
+    while kept > least and 2 + len(bullets(advice[:kept])) > room:
+        kept -= 1
     return kept
 
 

@@ -343,7 +343,6 @@ def _papers(v: Tested, origin: Origin) -> tuple[Section, Section]:
         calibration_fact(origin.name, c),
         ("Rig file", f"{rig.name}, SHA-256 {origin.rig.sha256}"),
         ("χ² test", f"{test}{fisher}, limit {rounded(VALIDATION_CHI2, 3)}"),
-        ("Single change", f"the likeliest one, by chance alone: {_tests(v)[0]}"),
         ("Decision rule", _RULE),
         ("Taken as exact", exact_names(c)),
         ("Convention", c.convention),

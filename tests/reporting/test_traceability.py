@@ -47,7 +47,7 @@ def test_what_is_exact_adds_up(size: tuple[float, float], apart: int, named: int
     quantities = [
         {
             "name": name, "error": 1.0, "unit": "N",
-            "effect": [half * part * np.eye(3)[k * apart]] * len(names),
+            "effect": [(half * part * np.eye(3)[k * apart]).tolist()] * len(names),
         }
         for k, (name, part) in enumerate(zip(exact, size, strict=True))
     ]  # fmt: skip

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
-from weakref import WeakKeyDictionary
 
 import matplotlib as mpl
 import numpy as np
@@ -42,7 +41,6 @@ WIDTH = 7.3
 """Inches: the text width of an A4 page."""
 DPI, _SCREEN_DPI = 200, 130
 _RASTER_FROM = 400
-_DRAWN: WeakKeyDictionary[Drawing, str] = WeakKeyDictionary()
 _SETTINGS: dict[str, Any] = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
@@ -157,14 +155,7 @@ def of_table(table: pd.DataFrame) -> Figure:
 
 
 def to_svg(drawing: Drawing) -> str:
-    """SVG element for a page; drawn once, though a file and a page may want it."""
-    if drawing not in _DRAWN:
-        _DRAWN[drawing] = _svg(drawing)
-    return _DRAWN[drawing]
-
-
-def _svg(drawing: Drawing) -> str:
-    """No XML prologue, identifiers of its own, text as outlines."""
+    """SVG element for a page: no prologue, identifiers of its own, text as outlines."""
     with look():
         stream, drawn = io.StringIO(), drawing.paint()
         drawn.dpi = DPI

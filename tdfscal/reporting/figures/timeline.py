@@ -116,8 +116,6 @@ _ALARMS: tuple[dict[str, Any], ...] = (
 )
 #: A path that moves by less is said to rest, mrad.
 _STILL = 1e-3
-#: From this many checks on their whiskers would be a hedge: points alone.
-_CROWDED = 60
 
 
 def control_charts(life: Life, said: Callable[[Alarm], str]) -> tuple[Drawing, ...]:
@@ -178,12 +176,9 @@ def _angle(ax: Axes, life: Life, i: int, j: int, dates: Dates) -> None:
     ax.plot(dates, path, color=style.BLACK, linewidth=1.2)
     for edge in (mean - limit, mean + limit):
         ax.plot(dates[shown], edge[shown], color=style.GREY, linestyle="--", linewidth=0.9)
-    if len(dates) > _CROWDED:
-        ax.plot(dates[shown], points[shown], "o", color=style.BLUE, markersize=2.2)
-    else:
-        ax.errorbar(
-            dates[shown], points[shown], yerr=half[shown], fmt="o", color=style.BLUE,
-            markersize=3.5, elinewidth=0.8, capsize=2,
-        )  # fmt: skip
+    ax.errorbar(
+        dates[shown], points[shown], yerr=half[shown], fmt="o", color=style.BLUE,
+        markersize=3.5, elinewidth=0.8, capsize=2,
+    )  # fmt: skip
     now = typeset(f"now {with_std(1e3 * float(life.path[-1, i, j]), band[-1], '+')} mrad")
     ax.set_title(now, fontsize=7.5, loc="right", pad=2, color=style.GREY)
