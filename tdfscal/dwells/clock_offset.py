@@ -13,6 +13,7 @@ from tdfscal.clocks.tracks import Peak, Track, Tracks, lag_by_moves
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.dwell_means import evenly
 from tdfscal.findings import Finding, Value
+from tdfscal.frozen import replace
 from tdfscal.numerics.streams import Line
 from tdfscal.records import ClockPrior, Dwells, FloatArray
 
@@ -64,16 +65,22 @@ def motion_offset(bins: Bins, dwells: Dwells) -> Line | None:
     return lag_by_moves(each[:n], each[n:], way, 0.0, float(bins.period.max()))
 
 
-def misaligned(bins: Bins, dwells: Dwells) -> Finding | None:
+def with_offset(dwells: Dwells, offset: Line | None) -> Dwells:
+    """The dwells with a finding of `motion_offset` where that is large."""
+    if offset is None or not is_large(offset):
+        return dwells
+    return replace(dwells, findings=(*dwells.findings, offset_finding(offset)))
+
+
+def misaligned(bins: Bins, dwells: Dwells, offset: Line | None) -> Finding | None:
     """Tell where forces seconds behind the positions, or ahead of them, are paired wrongly.
 
-    Not where the moves between dwells tell how far, and follow each other so unevenly that none
-    falls on the next one: in such a dwell both rest together.
+    offset : `motion_offset`. Not where that tells how far, and moves follow each other so unevenly
+    that none falls on the next one: in such a dwell both rest together.
     """
-    if len(dwells) > 1 and np.std(np.diff(dwells.start)) > _UNEVEN:
-        offset = motion_offset(bins, dwells)
-        if offset is not None and offset.std < _VOUCHED:
-            return None
+    uneven = len(dwells) > 1 and np.std(np.diff(dwells.start)) > _UNEVEN
+    if uneven and offset is not None and offset.std < _VOUCHED:
+        return None
     n, whole = len(bins.supports), np.flatnonzero((bins.count > 0).all(axis=1))
     if len(whole) < _LEAST:
         return None
@@ -99,6 +106,8 @@ def forces_behind(time: FloatArray, position: FloatArray, force: FloatArray) -> 
     search = Search(tracks[0], tracks[1], ClockPrior())
     found = search.judged([Peak(0.0, 0.0, search.spans[0]), *search.candidates()])
     best = min(found, key=lambda candidate: candidate.misfit)
+    if abs(best.lag) <= SAME:
+        return None
     near, paired = [c for c in found if abs(c.lag) <= SAME], search.instants(best.lag)
     for own in (paired, paired + best.lag):
         near += search.judged([c.peak for c in near], own)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from tdfscal.dwells.bins import Bins, reduce_to_bins, zeros
-from tdfscal.dwells.clock_offset import is_large, misaligned, motion_offset, offset_finding
+from tdfscal.dwells.clock_offset import misaligned, motion_offset, with_offset
 from tdfscal.dwells.dwell_means import (
     Extent,
     Moments,
@@ -65,8 +65,10 @@ def find_dwells(pieces: Log | Iterable[Log]) -> Dwells:
     else:
         bins = reduce_to_bins(rest)
         found = dwells_of_bins(bins)
-        if late := misaligned(bins, found):
+        offset = motion_offset(bins, found)
+        if late := misaligned(bins, found, offset):
             raise DataError(late)
+        found = with_offset(found, offset)
     return replace(
         found,
         findings=(*said, *found.findings),
@@ -75,7 +77,7 @@ def find_dwells(pieces: Log | Iterable[Log]) -> Dwells:
 
 
 def dwells_of_bins(bins: Bins) -> Dwells:
-    """The same from bins.
+    """The same from bins; how the clocks of forces and positions stand is not looked at.
 
     The search runs three times: the first round shows the noise of the dwells without settling,
     and that of long means, which the next weigh against the bias that settling leaves. A sample of
@@ -99,9 +101,6 @@ def dwells_of_bins(bins: Bins) -> Dwells:
         return replace(dwells, absence=explain(bins, field.moving, field.shortest * bins.width))
     if dropped := zeros(bins):
         dwells = replace(dwells, findings=(*dwells.findings, dropped))
-    offset = motion_offset(bins, dwells)
-    if offset is not None and is_large(offset):
-        return replace(dwells, findings=(*dwells.findings, offset_finding(offset)))
     return dwells
 
 

@@ -18,6 +18,7 @@ from tdfscal.dwells import (
     misaligned,
     motion_offset,
     reduce_to_bins,
+    with_offset,
 )
 from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError, TdfscalError, UsageError
@@ -147,15 +148,17 @@ class _Used:
 
     def read(self, logs: Sequence[Path], window: TimeWindow | None) -> None:
         """Read the logs, to their dwells."""
-        recorders, bins, lag = self._info.recorders, None, None
+        recorders, bins, lag, offset = self._info.recorders, None, None, None
         pieces = self._passing(iter_log(logs, recorders, self._supports, window=window))
         try:
             if recorders[0].rows == "postures":
                 dwells = find_dwells(pieces)
             else:
                 bins = reduce_to_bins(pieces)
-                dwells = dwells_of_bins(bins)
-                lag = misaligned(bins, dwells)
+                found = dwells_of_bins(bins)
+                offset = motion_offset(bins, found)
+                lag = misaligned(bins, found, offset)
+                dwells = with_offset(found, offset)
         except TdfscalError as error:
             self.problems, self.error = [*map(told, self._findings), str(error)], error
             return
@@ -168,7 +171,7 @@ class _Used:
             inputs=tuple(self._inputs),
             dwells=dwells,
             lag=lag,
-            offset=motion_offset(bins, dwells) if bins and lag is None else None,
+            offset=offset if lag is None else None,
             samples=_sampled(bins) if bins else None,
         )
 

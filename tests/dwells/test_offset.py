@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from tdfscal.checks.faulty_sensors import screen
-from tdfscal.dwells import dwells_of_bins, is_large, misaligned, motion_offset, reduce_to_bins
+from tdfscal.dwells import (
+    dwells_of_bins,
+    is_large,
+    misaligned,
+    motion_offset,
+    reduce_to_bins,
+    with_offset,
+)
 from tdfscal.dwells.clock_offset import forces_behind
 from tdfscal.records import Log, Series
 from tdfscal.simulation import Options, Recorder, reference_rig, simulate_campaign
@@ -29,9 +36,8 @@ def test_a_delay_of_the_forces_is_found(log: Log, delay: float) -> None:
     assert offset.std < 0.01
     assert abs(offset.seconds - delay) < 4.0 * offset.std
     assert is_large(offset) == (delay != 0.0)
-    assert any("clocks: the forces follow" in w for w in in_words(dwells.findings)) == (
-        delay != 0.0
-    )
+    said = in_words(with_offset(dwells, offset).findings)
+    assert any("clocks: the forces follow" in w for w in said) == (delay != 0.0)
 
 
 @pytest.mark.parametrize("rate", [2e-3, -1.5e-3])
@@ -45,7 +51,7 @@ def test_clocks_that_run_apart_are_told_by_their_rate(log: Log, rate: float) -> 
     middle = (dwells.end[0] + dwells.start[-1]) / 2
     assert abs(offset.seconds - rate * middle) < 4.0 * offset.std
     assert is_large(offset)
-    assert any("run apart by" in w for w in in_words(dwells.findings))
+    assert any("run apart by" in w for w in in_words(with_offset(dwells, offset).findings))
 
 
 @pytest.mark.parametrize("late", [7.0, -7.0])
@@ -56,12 +62,12 @@ def test_forces_a_whole_cycle_behind_are_told(late: float) -> None:
     log = simulate_campaign(reference_rig(), options, np.random.default_rng(3)).log
     moved = replace(log, force=tuple(Series(s.time + late, s.value) for s in log.force))
     bins = reduce_to_bins([moved])
-    found = misaligned(bins, dwells_of_bins(bins))
+    found = misaligned(bins, dwells_of_bins(bins), None)
     assert found is not None
     assert found.size == pytest.approx(7.0, abs=0.1)
     assert found.values["late"] == (late > 0)
     sound = reduce_to_bins([log])
-    assert misaligned(sound, dwells_of_bins(sound)) is None
+    assert misaligned(sound, dwells_of_bins(sound), None) is None
 
 
 def _dropped(log: Log, drops: list[tuple[int, int, float, float, float]]) -> Log:
@@ -95,7 +101,7 @@ def test_a_channel_that_drops_out_costs_its_own_stops(
     sound = dwells_of_bins(reduce_to_bins([driven]))
     bins = reduce_to_bins([_dropped(driven, drops)])
     found = dwells_of_bins(bins)
-    assert misaligned(bins, found) is None
+    assert misaligned(bins, found, motion_offset(bins, found)) is None
     away = [all(b < begin or a > end for *_, begin, end, _ in drops)
             for a, b in zip(sound.start, sound.end, strict=True)]  # fmt: skip
     kept = screen(reference_rig(), found).keep
