@@ -320,12 +320,12 @@ def noise_pull(at: Balance, state: State, W: FloatArray) -> FloatArray:
     # Hinges, datums and what gives turn the pose, at levers A that are made of both.
     in_bcs = felt[:, :, 3:] @ np.swapaxes(sensing(state), -1, -2)
     L, lever = A - _traces(A) / 2, -A[:, None] @ at.turn
-    base = (turned @ _axial(L)[..., None])[..., 0] - _axial(np.swapaxes(A, 1, 2) @ turned)
-    base -= (np.swapaxes(L, 1, 2) @ _axial(turned)[..., None])[..., 0]
+    base = (turned @ so3.axial(L)[..., None])[..., 0] - so3.axial(np.swapaxes(A, 1, 2) @ turned)
+    base -= (np.swapaxes(L, 1, 2) @ so3.axial(turned)[..., None])[..., 0]
     base += ((in_bcs - np.swapaxes(in_bcs, -1, -2)) @ at.arm[..., None])[..., 0].sum(axis=1)
     by_turn = np.einsum("knab,ka->knb", at.turn, base)
-    hinge = by_turn - _axial(in_bcs - so3.hat(F) @ turned[:, None])
-    datum = by_turn - _axial(np.swapaxes(lever, -1, -2) @ turned[:, None])
+    hinge = by_turn - so3.axial(in_bcs - so3.hat(F) @ turned[:, None])
+    datum = by_turn - so3.axial(np.swapaxes(lever, -1, -2) @ turned[:, None])
     pull[12 * n + 12 : 15 * n + 12] = (hinge @ at.rotation).sum(axis=0).ravel()
     pull[15 * n + 12 : 18 * n + 12] = datum.sum(axis=0).ravel()
     gives = (datum * F + np.sum(lever * in_bcs, axis=2)).sum(axis=(0, 1))
@@ -336,9 +336,3 @@ def noise_pull(at: Balance, state: State, W: FloatArray) -> FloatArray:
 def _traces(matrix: FloatArray) -> FloatArray:
     """The trace of each matrix (K, 3, 3) times the unit matrix."""
     return np.asarray(np.trace(matrix, axis1=1, axis2=2)[:, None, None] * np.eye(3))
-
-
-def _axial(matrix: FloatArray) -> FloatArray:
-    """Σ_j x_j × e_j (..., 3) of the columns x_j of matrices (..., 3, 3)."""
-    a, b = (1, 2, 0), (2, 0, 1)
-    return matrix[..., a, b] - matrix[..., b, a]

@@ -13,7 +13,7 @@ from tdfscal.model.calibrated import Calibrated, with_rotations
 from tdfscal.model.parameters import EVEN_TURN, layout, parameter_count, retract, with_motions
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf, coverage_factor, propagate
-from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.numerics.least_squares import Spectrum, covariance_root
 from tdfscal.records import BoolArray, FloatArray, JointPrior
 from tdfscal.significance import INTERVAL_COVERAGE
 
@@ -251,8 +251,7 @@ def without_faked(covariance: FloatArray, faked: FloatArray, blind: FloatArray) 
     C' = (Λ − N)⁻¹ Λ (Λ − N)⁻¹. Where noise fakes all there is (μ ≥ 1), and along blind turns,
     nothing is known; but no turn is less known than one spread evenly over the circle.
     """
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    root = covariance_root(covariance)
     mu, V = np.linalg.eigh(root.T @ faked @ root)
     half = root @ V
     gain = 1 / np.maximum(1 - mu, _ROUNDING)

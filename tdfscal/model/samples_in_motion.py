@@ -187,23 +187,26 @@ def poses(hinge: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArr
     return R, position.mean(axis=1) - R @ hinge.mean(axis=0)
 
 
-def rotations(hinge: FloatArray, position: FloatArray) -> FloatArray:
-    """Rotations (N, 3, 3), LCS → BCS, of the poses; arguments as `poses`.
+def rotations(
+    hinge: FloatArray, position: FloatArray, near: FloatArray | None = None
+) -> FloatArray:
+    """Rotations (N, 3, 3), LCS → BCS, of the poses; arguments as `poses`, near : rotations by them.
 
     The least-squares registration of `register`, some times faster: one singular value
     decomposition per block of samples, Gauss–Newton from there. Seen from the terminal the hinges
     lie at spokes ρ about their middle; a turn by I⁻¹ Σ ρ × Rᵀp, I their inertia, takes them there.
     """
-    first = np.arange(0, len(position), _BLOCK)
-    count = np.diff(np.append(first, len(position)))
-    start, _ = register(hinge, np.add.reduceat(position, first) / count[:, None, None])
-    R = np.repeat(start, count, axis=0)
+    if (R := near) is None:
+        first = np.arange(0, len(position), _BLOCK)
+        count = np.diff(np.append(first, len(position)))
+        start, _ = register(hinge, np.add.reduceat(position, first) / count[:, None, None])
+        R = np.repeat(start, count, axis=0)
     spoke = hinge - hinge.mean(axis=0)
     square = spoke.T @ spoke
     back = np.linalg.inv(np.trace(square) * np.eye(3) - square)
     moments = np.einsum("kna,nb->kab", position, spoke)
     for _ in range(_STEPS):
-        step = 2 * vee(np.swapaxes(R, 1, 2) @ moments) @ back
+        step = -so3.axial(np.swapaxes(R, 1, 2) @ moments) @ back
         R = R @ so3.exp(step)
         if np.abs(step).max(initial=0.0) < _CLOSE:
             break
@@ -253,16 +256,10 @@ def motion(R: FloatArray, place: FloatArray, step: float, half: int) -> Motion |
     back = np.swapaxes(R, 1, 2)
     # In the LCS Rᵀ Ṙ = [ω]× and Rᵀ R̈ = [ω̇]× + [ω]×², whose second term is symmetric.
     return Motion(
-        turning=vee(back @ first[:, 3:].reshape(N, 3, 3)),
-        turning_rate=vee(back @ second[:, 3:].reshape(N, 3, 3)),
+        turning=-0.5 * so3.axial(back @ first[:, 3:].reshape(N, 3, 3)),
+        turning_rate=-0.5 * so3.axial(back @ second[:, 3:].reshape(N, 3, 3)),
         acceleration=(back @ second[:, :3, None])[..., 0],
     )
-
-
-def vee(M: FloatArray) -> FloatArray:
-    """Vector (N, 3) of the skew part of M (N, 3, 3)."""
-    skew = (M - np.swapaxes(M, 1, 2)) / 2
-    return np.asarray(skew[:, [2, 0, 1], [1, 2, 0]])
 
 
 @dataclass(slots=True)

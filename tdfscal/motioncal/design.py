@@ -12,11 +12,12 @@ from tdfscal.model import dynamics, statics
 from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, symmetric
 from tdfscal.model.postures import Postures, ZeroMotion, alike, zero_motion
-from tdfscal.model.samples_in_motion import derivatives, motion, rotations, vee
+from tdfscal.model.samples_in_motion import derivatives, motion, rotations
 from tdfscal.model.statics import Balance
 from tdfscal.motioncal.blocks import Across, Block, ComplexArray, across, filled, nearness
 from tdfscal.motioncal.rows import UNSTATED, Bins, NoiseModel, Rows
 from tdfscal.motioncal.streams import Slow, after_middle, course_of
+from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
 
 #: Below this angular speed, rad/s, a hinge sticks and its friction is whatever it has to be.
@@ -159,7 +160,7 @@ def block_design(
     turned = seen.wrench(at.noise_turn @ np.linalg.cholesky(at.turn_cov))
     own = seen.wrench(np.where(rig.axes[:, None], at.noise_force, 0.0))[some]
     B = seen.wrench(at.wrench)[some]
-    delayed = _delayed(seen, F, lambda h: course(lag + h), after, state, moving)
+    delayed = _delayed(seen, at.rotation, F, lambda h: course(lag + h), after, state, moving)
     columns = [seen.transform(at.design), moved, delayed]
     for _, shape, _ in suspected(rig, slow):
         columns.append(seen.transform(_zeros_moving(at, shape[rows])))
@@ -288,12 +289,13 @@ def _kinematics(
     middle = state.hinge.mean(axis=0) - state.barycentre
     place = (position - state.datum).mean(axis=1) - R @ middle
     first, second = derivatives(np.hstack([R.reshape(len(R), 9), place]), block.step, _HALF)
-    turning = vee(first[:, :9].reshape(R.shape) @ np.swapaxes(R, 1, 2))
+    turning = -0.5 * so3.axial(first[:, :9].reshape(R.shape) @ np.swapaxes(R, 1, 2))
     return place - place.mean(axis=0), turning, second[:, 9:]
 
 
 def _delayed(
     seen: Across,
+    R: FloatArray,
     F: FloatArray,
     course: Callable[[float], FloatArray],
     after: FloatArray,
@@ -302,10 +304,11 @@ def _delayed(
 ) -> ComplexArray:
     """Columns (F, 6, 2): e by a delay of the poses, and by one that grows as `after` (N,), s.
 
-    F : (N, n, 3), N, BCS. course : servo positions (N, n, 3) by the amount of the delay.
+    R : (N, 3, 3), poses. F : (N, n, 3), N, BCS. course : servo positions (N, n, 3) by the amount of
+    the delay.
     """
     spread = np.einsum("na,knb->kab", state.hinge - state.barycentre, F)
-    ends = [_terms(seen.block, spread, course(h), state, moving) for h in (_SHIFT, -_SHIFT)]
+    ends = [_terms(seen.block, R, spread, course(h), state, moving) for h in (_SHIFT, -_SHIFT)]
     # Where the delay grows, everything turns slower by as much, but for the friction.
     slower = (0.0, 0.0, 0.5 * (ends[0][2] + ends[1][2]))
     moment, push, spin = (
@@ -321,17 +324,23 @@ def _delayed(
 
 
 def _terms(
-    block: Block, spread: FloatArray, position: FloatArray, state: State, moving: Moving
+    block: Block,
+    near: FloatArray,
+    spread: FloatArray,
+    position: FloatArray,
+    state: State,
+    moving: Moving,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """What in e changes with the poses at some servo positions, (N, 3) each, BCS.
 
     The moment of forces and friction; m place and I_c ω, whose second and first derivatives are
-    taken off. spread : (N, 3, 3), Σ ρ_i F_iᵀ with ρ_i the hinges about the barycentre.
+    taken off. near : (N, 3, 3), poses by these. spread : (N, 3, 3), Σ ρ_i F_iᵀ with ρ_i the hinges
+    about the barycentre.
     """
-    R = rotations(state.hinge, position - state.datum)
+    R = rotations(state.hinge, position - state.datum, near)
     place, turning, _ = _kinematics(block, R, position, state)
     # Σ (R ρ_i) × F_i, the axial vector of R Σ ρ_i F_iᵀ.
-    moment = -2 * vee(R @ spread) - state.n * moving.friction * stuck(turning)
+    moment = so3.axial(R @ spread) - state.n * moving.friction * stuck(turning)
     spin = dynamics.spin_momentum(R, turning) @ _own_inertia(state, moving)
     return moment, state.mass * place, spin
 

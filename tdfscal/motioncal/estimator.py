@@ -35,6 +35,7 @@ from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import (
     Solution,
     block_diagonal,
+    covariance_root,
     free_values,
     gram_root,
     spectrum,
@@ -205,8 +206,7 @@ def simulate(
     """
     fit, still, g = of.fit, of.fit.still, of.fit.rig.gravity
     start, slope = features(still, fit.origin, g), features_jacobian(still, fit.origin, g)
-    values, axes = np.linalg.eigh(of.calibrated.covariance)
-    root = axes * np.sqrt(np.maximum(values, 0.0))
+    root = covariance_root(of.calibrated.covariance)
     followed = np.repeat(known, 3).astype(np.float64)
     turns, P = len(followed), slope.shape[1]
     # Where a change of the features takes the turns: (JᵀJ)⁻¹ Jᵀ of their columns.

@@ -22,7 +22,7 @@ from tdfscal.motioncal.design import BlockDesign, drifting, instants, rms
 from tdfscal.motioncal.rows import NoiseModel, NormalEquations, Rows
 from tdfscal.motioncal.streams import Slow, shifted
 from tdfscal.numerics import so3
-from tdfscal.numerics.least_squares import block_diagonal
+from tdfscal.numerics.least_squares import block_diagonal, covariance_root
 from tdfscal.records import FloatArray, Rig, UncertainValue
 
 #: Name in the budget of what only motion has.
@@ -216,15 +216,14 @@ def spectrum_share(fit: MovingFit, posterior: FloatArray) -> FloatArray:
     covariance.
     """
     equations, added = fit.normal_equations(), np.zeros_like(posterior)
-    values, axes = np.linalg.eigh(fit.noise.covariance)
-    for step in (axes * np.sqrt(values)).T:
+    for step in covariance_root(fit.noise.covariance).T:
         (a, up), (b, down) = (
             equations.solved(fit.noise.log_density + s * step) for s in (1.0, -1.0)
         )
         added += (up @ up.T + down @ down.T) / 2 - posterior + np.outer(a - b, a - b) / 4
     # The second difference may dip below zero by rounding and by curvature: it never helps.
-    values, axes = np.linalg.eigh(added)
-    return np.asarray((axes * np.maximum(values, 0.0)) @ axes.T)
+    root = covariance_root(added)
+    return np.asarray(root @ root.T)
 
 
 def of_poses(fit: MovingFit, C: FloatArray) -> FloatArray:

@@ -32,7 +32,7 @@ _BOXES = 8
 #: Differences of times, in steps or in means, that are rounding: 50 ns.
 _EVEN = 1e-6
 #: Differences of stamps, in steps, that a sum of as many means as a log has rounds off.
-_ALIKE = 1e-9
+_ALIKE = 1e-8
 #: Longest hole in a stream, in steps of the time base, that the kernel bridges.
 _HOLE = 1.5
 #: Steps beyond an instant, at least, in which nothing bears on it.

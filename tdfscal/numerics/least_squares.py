@@ -147,6 +147,12 @@ def gram_root(gram: FloatArray, rows: int) -> FloatArray:
     return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / scale[:, None])
 
 
+def covariance_root(cov: FloatArray) -> FloatArray:
+    """U (..., m, m) with U Uᵀ the covariances (..., m, m), zero variances included."""
+    values, vectors = np.linalg.eigh(cov)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])
+
+
 def triangular(rows: FloatArray) -> FloatArray:
     """R (min(m, p), p), upper triangular, with RᵀR equal to rowsᵀ rows (m, p).
 

@@ -149,15 +149,6 @@ def crossed(rotation: FloatArray, slope: FloatArray) -> FloatArray:
     return np.asarray(rotation @ np.swapaxes(G, -1, -2))
 
 
-def turning(across: FloatArray) -> FloatArray:
-    """Half the gradient (T, n, 3) by left turns: <G, [e_j]× X> = (Σ_b x_b × g_b)_j.
-
-    across : X Gᵀ (T, n, 3, 3), over whose columns is summed.
-    """
-    parts = [across[..., a, b] - across[..., b, a] for a, b in ((1, 2), (2, 0), (0, 1))]
-    return np.stack(parts, axis=-1)
-
-
 def descend(
     root: FloatArray,
     start: FloatArray,
@@ -231,7 +222,7 @@ def _expansion(
             normal[:, :, 3 * i : 3 * i + 3] = (across @ seen).reshape(T, 3 * n, 3)
     residual = root @ stacked(rotation)[..., None]
     pulled = crossed(rotation, (np.swapaxes(root, -1, -2) @ residual)[..., 0])
-    gradient = turning(pulled).reshape(T, -1)
+    gradient = so3.axial(pulled).reshape(T, -1)  # <G, [e_j]× X> = (Σ_b x_b × g_b)_j
     if not curved:
         return normal, gradient, normal
     # Second order of exp: X → ½ [δ]×² X = ½ (δδᵀ − |δ|²) X.

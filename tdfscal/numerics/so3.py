@@ -26,6 +26,12 @@ def hat(v: npt.ArrayLike) -> FloatArray:
     return m
 
 
+def axial(M: FloatArray) -> FloatArray:
+    """Σ_j x_j × e_j (..., 3) of the columns x_j of M (..., 3, 3): −2 v of [v]×."""
+    parts = [M[..., a, b] - M[..., b, a] for a, b in ((1, 2), (2, 0), (0, 1))]
+    return np.stack(parts, axis=-1)
+
+
 def information_of_crossing(weight: FloatArray, covariance: FloatArray) -> FloatArray:
     """E([ν]×ᵀ W [ν]×) (..., 3, 3) of vectors ν with a covariance and W, (..., 3, 3), symmetric.
 

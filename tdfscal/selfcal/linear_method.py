@@ -13,6 +13,7 @@ from tdfscal.model.postures import register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
+from tdfscal.numerics.least_squares import covariance_root
 from tdfscal.records import FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.significance import INTERVAL_COVERAGE
@@ -166,9 +167,3 @@ def _perturbed(fit: Fit, rng: np.random.Generator, trials: int) -> LinearData:
         barycentre=given.barycentre + draw("barycentre", 3),
         moment=np.sqrt(seen.moment_var) * rng.standard_normal((trials, len(seen), 3)),
     )
-
-
-def covariance_root(cov: FloatArray) -> FloatArray:
-    """Square root of covariances (..., 3, 3), zero variances included."""
-    values, vectors = np.linalg.eigh(cov)
-    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0))[..., None, :])

@@ -22,7 +22,7 @@ from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.numerics.rotation_fits import crossed, descend, stacked, turning
+from tdfscal.numerics.rotation_fits import crossed, descend, stacked
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.selfcal.estimator import Fit, Problem, statistic
 from tdfscal.selfcal.mounting_search import Profile, profile
@@ -149,7 +149,7 @@ class Sampler:
                 residual = y @ self.root.T + felt
                 for i, own in enumerate(noise if look else ()):
                     residual += np.einsum("tjr,tj->tr", own[:, 1:], turn[:, i].astype(_NOISE))
-                gradient = turning(crossed(rotation, residual @ self.root + y @ gram))
+                gradient = so3.axial(crossed(rotation, residual @ self.root + y @ gram))
                 left = residual.astype(_NOISE)
                 for i, own in enumerate(noise):
                     gradient[:, i] += np.einsum("tjr,tr->tj", own[:, 1:], left)

@@ -45,7 +45,7 @@ from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import layout
 from tdfscal.model.postures import walk_modes
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import Spectrum
+from tdfscal.numerics.least_squares import Spectrum, covariance_root
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.estimator import ROWS, Fit
 from tdfscal.significance import (
@@ -195,8 +195,7 @@ def noise_columns(fit: Fit) -> Iterator[tuple[str, int, FloatArray]]:
     yield "force noise", 0, np.moveaxis(each, 1, 2).reshape(len(root), ROWS, -1)
     stated = float(np.trace(fit.postures.position_cov, axis1=2, axis2=3).mean()) / 3
     if stated > 0:
-        values, vectors = np.linalg.eigh(at.turn_cov / stated)
-        turn = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+        turn = covariance_root(at.turn_cov / stated)
         yield "position noise", 0, root @ at.noise_turn @ turn
 
 

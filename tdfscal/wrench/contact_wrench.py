@@ -19,8 +19,9 @@ from tdfscal.frozen import record
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import State, gravity, layout, nominal, sensing
 from tdfscal.model.postures import Postures, alike
-from tdfscal.model.samples_in_motion import Motion, Samples, motion, poses, rotations, vee
+from tdfscal.model.samples_in_motion import Motion, Samples, motion, poses, rotations
 from tdfscal.model.statics import Balance, balance, features_jacobian, free, to_origin
+from tdfscal.numerics import so3
 from tdfscal.records import BoolArray, FloatArray
 
 COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -79,7 +80,7 @@ def contact_wrench(
     mix = np.einsum("na,nbc->ncab", lever, M).reshape(3 * n, 12)
     constant = np.outer(lever_m, weight).ravel() - state.zero.ravel() @ mix
     here = (force.reshape(N, 3 * n) @ mix + constant).reshape(N, 4, 3) @ rotation
-    return np.concatenate([-here[:, 0], 2 * vee(here[:, 1:])], axis=1)
+    return np.concatenate([-here[:, 0], -so3.axial(here[:, 1:])], axis=1)
 
 
 def inertial(state: State, inertia: FloatArray, moving: Motion) -> FloatArray:
