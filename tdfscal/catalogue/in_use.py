@@ -222,6 +222,12 @@ campaign-left-out warns
   {subject} takes no part, since calibrate rejects it by itself: {why}
 campaign-remark warns
   {subject}: {said}
+turn-suspected warns
+  {subject} may have turned since {since} ({p}), by less than raises an alarm
+  -> validate the update on a further log without contact, or calibrate anew
+turns-visible notes
+  of turns since {subject} those of {size} or more, whatever the angle, would have raised an alarm
+    with {power:.0%} probability
 campaign-noisy warns
   {subject} scatters {number:.2g} times as much as is stated, and counts with that
 checks-undated warns

@@ -5,7 +5,7 @@ A calibration that stands on an earlier one counts only with what its own data a
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -22,7 +22,14 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.numerics.information import Information, p_value
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.significance import ALARMS_PER_YEAR, INTERVAL_COVERAGE, LONGEST_INTERVAL, MISFIT
+from tdfscal.significance import (
+    ALARMS_PER_YEAR,
+    DETECTION_POWER,
+    INCOMPATIBLE,
+    INTERVAL_COVERAGE,
+    LONGEST_INTERVAL,
+    MISFIT,
+)
 
 #: Fewer checks, or all within a day (months), say nothing of a walk.
 _FEWEST_FOR_WALK, _ONE_DAY = 4, 1 / 30.44
@@ -263,6 +270,21 @@ def life_of(rig: Rig, pooled: Pool) -> tuple[Life, list[Finding]]:
     ]
     scaled = [replace(c, own=c.own.scaled(b / least)) for c, b in zip(checks, birge, strict=True)]
     return live(rig, pooled.reference, prior, scaled, rate=ALARMS_PER_YEAR, birge=least), noisy
+
+
+def below_alarm(life: Life, since: str) -> Iterator[Finding]:
+    """What the last check says of a turn that raises no alarm, and from which size on it would.
+
+    Alarms are as seldom as a year's are stated to be. The new check alone is also held against
+    those before it, of which the first goes by the name `since`, at the level of a comparison.
+    """
+    p = life.smallest[-1] * WINDOWS[1]
+    if not life.alarms and p.min() < INCOMPATIBLE:
+        sensor, values = life.supports[int(np.argmin(p))], {"since": since}
+        yield Finding("turn-suspected", (sensor,), p_value=float(p.min()), values=values)
+    if np.isfinite(least := life.detectable[life.known]).any():
+        visible, told = float(np.max(least)), {"power": DETECTION_POWER}
+        yield Finding("turns-visible", (since,), visible, "rad", values=told)
 
 
 def _birge(fits: Sequence[tuple[float, int]]) -> float:

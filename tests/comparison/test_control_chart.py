@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chi2, ncx2
 
 from tdfscal.comparison.control_chart import WINDOWS, Check, Watching
-from tdfscal.comparison.history import Life, live
+from tdfscal.comparison.history import Life, below_alarm, live
 from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import nominal
 from tdfscal.numerics.information import Information
@@ -114,6 +114,22 @@ def test_the_smallest_step_is_the_one_that_the_last_check_shows_so_often() -> No
     level = 0.01 / 12 * WINDOWS[1] / SENSORS
     seen = ncx2.sf(chi2.isf(level, 3), 3, (life.detectable / SEEN) ** 2 / 2)
     np.testing.assert_allclose(seen, DETECTION_POWER, rtol=1e-3)
+
+
+@pytest.mark.parametrize(("p", "told"), [(0.0099, True), (0.0101, False), (1e-5, False)])
+def test_a_turn_below_the_alarm_is_suspected_at_the_level_of_a_comparison(
+    p: float, told: bool
+) -> None:
+    """And not where the alarm is raised."""
+    turns = np.zeros((2, 9))
+    turns[1, 3] = SEEN * np.sqrt(2 * chi2.isf(p / SENSORS, 3))
+    life = lived(turns, noise=0.0)
+    found = {finding.code: finding for finding in below_alarm(life, "last")}
+    assert found["turns-visible"].size == life.detectable.max()
+    assert ("turn-suspected" in found) is told
+    if told:
+        assert found["turn-suspected"].subject == life.supports[1:2]
+        assert found["turn-suspected"].p_value == pytest.approx(p, rel=1e-3)
 
 
 def test_a_creep_sets_the_date_of_the_next_calibration() -> None:
