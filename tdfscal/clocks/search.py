@@ -42,6 +42,8 @@ _REPEATS = 0.1  # where positions repeat to this part of their travel,
 _HALF = 0.5  # or by this part of the evidence at least
 _CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
 _CERTAIN = 20.0  # and its log-likelihood ratio
+_PART = 0.125  # of that time, by which lags that are all tried are apart,
+_MOST_LAGS, _CLOSER = 800, 3  # so many at most, and how many of them are looked at closer
 _WRONG = 5.0  # times the noise's misfit, from which the streams may be wired wrongly
 _CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
 _LIKE = 0.85  # and its correlation
@@ -114,16 +116,41 @@ class Search:
         return 5.0 * self.std + self.prior.rate_std * max(self.spans) + _STEP
 
     @cached_property
-    def found(self) -> list[Candidate]:
-        """The lags that may be, those that balance best first."""
-        return sorted(self.judged(self.candidates()), key=lambda candidate: candidate.misfit)
+    def by_moves(self) -> list[Candidate]:
+        """The lags that the moves allow, those that balance best first."""
+        return _by_misfit(self.judged(self.candidates()))
 
-    @property
-    def usual(self) -> float:
-        """Misfit of lags by chance: the median of those far from the best."""
-        best, rest = self.found[0], [c for c in self.found if np.isfinite(c.misfit)]
-        far = [c.misfit for c in rest if abs(c.lag - best.lag) > 5.0]
-        return float(np.median(far)) if far else np.inf
+    @cached_property
+    def found(self) -> list[Candidate]:
+        """The lags that may be, those that balance best first.
+
+        A motion without rests is active all the time: where none of the lags that the moves allow
+        is clear, all are tried, in steps of the time in which the positions tell something new.
+        """
+        found = self.by_moves
+        usual = _usual(found)
+        if self.balance is None or np.isfinite(self.std) or (found and is_clear(found[0], usual)):
+            return found
+        step = _PART * self.correlation_time
+        least = _OVERLAP * min(self.spans)
+        lags = np.arange(least - self.spans[0], self.spans[1] - least, step)
+        if len(lags) <= _MOST_LAGS:
+            found = _by_misfit([*found, *self.judged([Peak(lag, 0.0, least) for lag in lags])])
+        found = [c for c in found if np.isfinite(c.misfit)] or found
+        best, others = found[:_CLOSER], found[_CLOSER:]
+        while step > _WIDTH:
+            step /= 2.0
+            near = [
+                Peak(c.lag + way, c.peak.r, c.peak.overlap) for c in best for way in (-step, step)
+            ]
+            near = [peak for peak in near if -self.spans[0] < peak.lag < self.spans[1]]
+            tried = {c.lag: c for c in self.judged(near)}
+            best = [
+                min([c, *(tried[x] for x in (c.lag - step, c.lag + step) if x in tried)],
+                    key=lambda each: each.misfit)
+                for c in best
+            ]  # fmt: skip
+        return _by_misfit([*best, *others])
 
     def wired(self) -> Search:
         """The search in which one mistake of the wiring is undone, where only so a lag balances.
@@ -139,9 +166,10 @@ class Search:
         likeliest, least = self, best / _CLEAR
         for wiring in _mistakes(len(self.positions)):
             other = Search(self.first.rewired(wiring), self.second.rewired(wiring), self.prior)
-            found = other.found[0]
-            if found.misfit < least and is_clear(found, min(other.usual, best)):
-                likeliest, least = other, found.misfit
+            found = other.by_moves
+            usual = min(_usual(found), best)
+            if found[0].misfit < least and is_clear(found[0], usual):
+                likeliest, least = other, found[0].misfit
         return likeliest
 
     def chosen(self, name: str) -> Candidate:
@@ -150,7 +178,7 @@ class Search:
         if not found:
             raise self._not_found(name)
         best, *others = found
-        usual = self.usual
+        usual = _usual(found)
         if np.isfinite(self.std) or is_clear(best, usual):
             for other in others:
                 apart = abs(other.peak.lag - best.peak.lag) > SAME
@@ -291,6 +319,17 @@ def _streams(
         late = number not in first.streams
         both[number % 2].append(((second if late else first).streams[number], late))
     return both
+
+
+def _by_misfit(found: Sequence[Candidate]) -> list[Candidate]:
+    return sorted(found, key=lambda candidate: candidate.misfit)
+
+
+def _usual(found: Sequence[Candidate]) -> float:
+    """Misfit of lags by chance: the median of those far from the best, the first."""
+    rest = [c for c in found if np.isfinite(c.misfit)]
+    far = [c.misfit for c in rest if abs(c.lag - found[0].lag) > 5.0]
+    return float(np.median(far)) if far else np.inf
 
 
 def _mistakes(n: int) -> Iterator[Wiring]:

@@ -79,6 +79,25 @@ def test_stated_uncertainties_are_those_of_the_errors(forces_first: bool) -> Non
     assert (square.sum(axis=0) < chdtri(len(z), 1e-3)).all()
 
 
+def recorded(log: Log, begin: float, end: float) -> Log:
+    """What a recorder wrote from one time to another, s."""
+
+    def part(series: Series) -> Series:
+        kept = (series.time >= begin) & (series.time < end)
+        return Series(series.time[kept], series.value[kept])
+
+    return replace(log, position=tuple(map(part, log.position)), force=tuple(map(part, log.force)))
+
+
+def test_a_motion_without_rests() -> None:
+    """Active all the time; the moves then allow no lag near the true one, but the balance does."""
+    options = replace(MOVING["motion"], duration=90.0, frequency=0.04, rate=50.0)
+    moving = run(reference_rig(), "motion", options, np.random.default_rng(4)).moving
+    assert moving is not None
+    error, std = found(recorded(moving.log, 6.0, 84.0), Apart(-21.3, 5e-5, late=2.0))
+    assert abs(error - 0.005) < 3.0 * std < 0.01
+
+
 @pytest.mark.parametrize("scenario", ["self", "motion"])
 @pytest.mark.parametrize("wrong", ["sign", "two signs", "sensors", "place"])
 def test_wrong_wiring_leaves_the_clock(scenario: str, wrong: str) -> None:
@@ -154,23 +173,11 @@ def test_values_in_the_reverse_order_of_their_times_are_refused(scenario: str, s
         find_clock(tracks(moves), tracks(replace(loads, force=turned)), ClockPrior(), "daq")
 
 
-def until(log: Log, end: float) -> Log:
-    """What a recorder wrote up to a time, s."""
-
-    def first(series: Series) -> Series:
-        kept = series.time < end
-        return Series(series.time[kept], series.value[kept])
-
-    return replace(
-        log, position=tuple(map(first, log.position)), force=tuple(map(first, log.force))
-    )
-
-
 @pytest.mark.parametrize(("seed", "which"), [(4, 0), (5, 1)])
 def test_one_recorder_that_ended_early_is_found_by_half_of_the_moves(seed: int, which: int) -> None:
     both = list(recorded_apart(campaign("self", seed), Apart(3.7), np.random.default_rng(1)))
     series = (both[0].position, both[1].force)[which][0]
-    both[which] = until(both[which], float(series.time[0] + 0.52 * np.ptp(series.time)))
+    both[which] = recorded(both[which], -np.inf, float(series.time[0] + 0.52 * np.ptp(series.time)))
     clock = find_clock(tracks(both[0]), tracks(both[1]), ClockPrior(), "daq")
     assert abs(clock.offset - 3.7) < 3.0 * clock.offset_std < 0.3
 
@@ -179,7 +186,7 @@ def test_a_recorder_with_too_few_moves_is_refused_with_what_each_lasts() -> None
     moves, loads = recorded_apart(campaign("self", 5), Apart(3.7), np.random.default_rng(1))
     begin = float(moves.position[0].time[0])
     with pytest.raises(DataError) as refused:
-        find_clock(tracks(until(moves, begin + 15.0)), tracks(loads), ClockPrior(), "daq")
+        find_clock(tracks(recorded(moves, begin, begin + 15.0)), tracks(loads), ClockPrior(), "daq")
     assert code(refused.value) == "recorder-not-found"
     values = refused.value.finding.values if refused.value.finding else {}
     assert values["short"] is True
