@@ -95,7 +95,7 @@ def test_a_motion_without_rests() -> None:
     moving = run(reference_rig(), "motion", options, np.random.default_rng(4)).moving
     assert moving is not None
     error, std = found(recorded(moving.log, 6.0, 84.0), Apart(-21.3, 5e-5, late=2.0))
-    assert abs(error - 0.005) < 3.0 * std < 0.01
+    assert abs(error - 0.005) < 3.0 * std < 0.03
 
 
 @pytest.mark.parametrize("scenario", ["self", "motion"])
