@@ -12,7 +12,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.numbers import two_digits, with_std
+from tdfscal.catalogue.numbers import estimated, two_digits, with_std
 from tdfscal.errors import UsageError, visible
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parameters import calibrated
@@ -237,14 +237,7 @@ def uncertain(support: SupportResult) -> str:
         else f"{name} {with_std(degrees(value or 0.0), degrees(std))}°"
         for name, value, std in zip(ANGLES, support.rpy, support.rpy_std, strict=True)
     ]
-    zeros = [
-        "not measured"
-        if value is None
-        else f"{value:.3f} ± open"
-        if std is None
-        else with_std(value, std)
-        for value, std in zip(support.zero, support.zero_std, strict=True)
-    ]
+    zeros = map(estimated, support.zero, support.zero_std)
     return f"{', '.join(angles)}; zero {', '.join(zeros)} N (k = 1)"
 
 

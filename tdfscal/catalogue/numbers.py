@@ -117,6 +117,13 @@ def with_std(value: float, std: float, sign: str = "") -> str:
     return f"{to_place(value, places(std), sign)} ± {two_digits(std)}"
 
 
+def estimated(value: float | None, std: float | None) -> str:
+    """Return the same of what may not be measured, or is left open."""
+    if value is None:
+        return "not measured"
+    return f"{value:.3f} ± open" if std is None else with_std(value, std)
+
+
 def two_digits(std: float) -> str:
     """Return an uncertainty by its two digits, zeros too: 1.0, 0.60."""
     return to_place(std, places(std))

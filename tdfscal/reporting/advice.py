@@ -26,7 +26,7 @@ from tdfscal.reporting.headline import (
     uncounted,
     within,
 )
-from tdfscal.reporting.traceability import expired, not_whole
+from tdfscal.reporting.traceability import certificates, expired, not_whole
 from tdfscal.selfcal.estimator import HARDER
 from tdfscal.significance import MOST_REJECTED
 
@@ -85,7 +85,7 @@ def advise(c: Calibration) -> tuple[str, ...]:
             *(f"If that does not mend it: {other}." for other in others),
             "Do not load this result into a controller; calibrate again first.",
         )
-    renewed = (begun(cure(found), ".") for found in expired(c))
+    renewed = certificates(expired(c))
     if c.status == "provisional":
         confirm = "Confirm or correct each line, take out its mark, and calibrate again."
         return (*renewed, confirm, *_to_mend(c))

@@ -13,6 +13,7 @@ from tdfscal.catalogue.numbers import (
     bracketed,
     count,
     coverage,
+    estimated,
     measured,
     places,
     to_place,
@@ -170,32 +171,20 @@ def _residual_wrench(c: Calibration) -> tuple[Table, ...]:
     return (layout.residual_table(_residual(c), where),) if c.validation is not None else ()
 
 
-def _zero(value: float | None, std: float | None) -> str:
-    if value is None:
-        return "not measured"
-    return with_std(value, std) if std is not None else f"{value:.2f} (open)"
-
-
 def _adjusted(c: Calibration) -> tuple[Table, ...]:
     """Zeros, mass and barycentre as estimated; the tracker sees none of them."""
     if c.method == "tracker":
         return ()
-    zeros = tuple((s.name, *map(_zero, s.zero, s.zero_std)) for s in c.supports)
+    zeros = tuple((s.name, *map(estimated, s.zero, s.zero_std)) for s in c.supports)
     mass, bary = c.terminal.mass, c.terminal.barycenter
-    found = [("mass, kg", mass.value, mass.std)]
-    found += [
-        (f"barycentre {axis}, mm", 1e3 * value, None if std is None else 1e3 * std)
+    load = [("mass, kg", estimated(mass.value, mass.std))]
+    load += [
+        (f"barycentre {axis}, mm", estimated(1e3 * value, None if std is None else 1e3 * std))
         for axis, value, std in zip("xyz", bary.value, bary.std, strict=True)
     ]
-    terminal = tuple(
-        (name, f"{value:.3f}", "open")
-        if std is None
-        else (name, *(to_place(v, places(std)) for v in (value, std)))
-        for name, value, std in found
-    )
     return (
         Table("Zero offsets ± std. unc. (k = 1), N, sensor frames", ("sensor", *"xyz"), zeros),
-        Table("Terminal, LCS", ("", "value", "std. unc."), terminal),
+        Table("Terminal ± std. unc. (k = 1), LCS", ("", "value"), tuple(load)),
     )
 
 

@@ -23,7 +23,6 @@ from tdfscal.numerics.streams import covered
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Table
 from tdfscal.reporting.traceability import (
-    expired,
     not_whole,
     without_effect,
 )
@@ -98,7 +97,7 @@ def _of_the_angles(c: Calibration) -> str:
     said += f"{within(c)} (95 %)"
     if c.rig.uncertainty.force_sensitivity > 0 and c.method != "tracker":
         said += ", the gain's tolerance included"
-    beside = (_expired(c), _not_whole(c), _rests_on(c))
+    beside = (_not_whole(c), _rests_on(c))
     if lines := draft_lines(c):
         first = (
             f"Do not load these angles yet: they rest on {count(len(lines), 'unconfirmed line')} "
@@ -108,13 +107,6 @@ def _of_the_angles(c: Calibration) -> str:
     sealed = ", if nobody edited this file (it does not tell)" if c.unsealed else ""
     first = f"You may load these angles{sealed}: {said}."
     return " ".join(filter(None, (first, _not_counted(c), *_trusted(c), *beside, _limited_by(c))))
-
-
-def _expired(c: Calibration) -> str:
-    """Whose own certificate had ended, for the first lines; the warnings have the days."""
-    ended = expired(c)
-    names = ", ".join(name for found in ended for name in found.subject)
-    return f"The certificate of the sensor of {names} had expired." if names else ""
 
 
 def _not_whole(c: Calibration) -> str:

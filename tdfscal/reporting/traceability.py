@@ -18,7 +18,6 @@ from tdfscal.files.calibration.document import Calibration, file_content, overdu
 from tdfscal.files.calibration.evidence import ConformityResult
 from tdfscal.files.calibration.parameters import UNCONFIRMED
 from tdfscal.files.calibration.parts import FindingResult, MeasuredResult, instant
-from tdfscal.files.rig.model import AcceptanceBlock
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record
 from tdfscal.records import InputFile, Rig, SensorInfo
@@ -205,9 +204,8 @@ def decision_rule(c: Calibration) -> str:
 def _whose(c: Calibration, key: str) -> str:
     """Who set a limit: the rig file that states it, or the tool."""
     stated = c.rig.stated_limits
-    if stated is None:  # a file that does not tell: one that differs from the default was stated
-        differs = getattr(c.rig.acceptance, key) != getattr(AcceptanceBlock(), key)
-        stated = (key,) if differs else ()
+    if stated is None:  # a file that does not tell
+        return ""
     return " (set in the rig file)" if key in stated else f" (the tool's default for {key})"
 
 
