@@ -66,7 +66,10 @@ def plain(value: Any, null: Callable[[float], bool] = lambda number: False) -> A
     What is neither, such as a block of a file, stays as it is.
     """
     if isinstance(value, np.ndarray | np.generic):
+        whole = value.dtype.kind != "f" or np.isfinite(value).all()
         value = value.tolist()
+        if whole:  # no need to look at each
+            return value
     if isinstance(value, float):
         return None if null(value) else value
     if isinstance(value, list | tuple):
