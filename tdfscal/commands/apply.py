@@ -193,42 +193,40 @@ def _about(log: LogInUse, kind: Kind) -> dict[str, str]:
 class Totals:
     """What the summary says of the rows.
 
-    squares : (4, 6), sums of squares of the wrench, of the uncalibrated one, of its standard
-    uncertainty and of the calibration's part of that. largest : (2,), lengths. begin, end : s.
-    still_squares : (6,), of the wrench at the stops, and still_rows, how many.
+    squares : (5, 6), sums of squares of the wrench, of the uncalibrated one, of its standard
+    uncertainty and of the calibration's part of that; of the wrench at the stops, which have
+    still_rows. largest : (2,), lengths. begin, end : s.
     """
 
-    squares: FloatArray = field(default_factory=lambda: np.zeros((4, 6)))
+    squares: FloatArray = field(default_factory=lambda: np.zeros((5, 6)))
     largest: FloatArray = field(default_factory=lambda: np.zeros(2))
     rows: int = 0
     begin: float = np.nan
     end: float = np.nan
     standstill: Standstill = field(default_factory=Standstill)
-    still_squares: FloatArray = field(default_factory=lambda: np.zeros(6))
     still_rows: int = 0
 
     def passing(self, pieces: Iterable[Wrenches]) -> Iterator[Wrenches]:
         """Count the pieces of a log as they pass."""
         for piece in pieces:
-            each = (piece.value, piece.raw, piece.std, piece.calibration_std)
+            still = piece.value[self.standstill.at(piece.time)]
+            each = (piece.value, piece.raw, piece.std, piece.calibration_std, still)
             self.squares += [np.einsum("ka,ka->a", part, part) for part in each]
             lengths = np.sqrt(np.sum(piece.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
             self.largest = np.maximum(self.largest, lengths)
             self.begin = float(piece.time[0]) if not self.rows else self.begin
             self.end = float(piece.time[-1])
             self.rows += len(piece.time)
-            still = piece.value[self.standstill.at(piece.time)]
-            self.still_squares += np.einsum("ka,ka->a", still, still)
             self.still_rows += len(still)
             yield piece
 
     def document(self, log: LogInUse, noise: SampleNoise) -> dict[str, Any]:
         """Return the rms of each component over all rows, and at the stops where some move."""
         std, posture = _by_component(noise.std), log.posture_std
-        roots = map(_by_component, np.sqrt(self.squares / self.rows))
+        roots = map(_by_component, np.sqrt(self.squares[:-1] / self.rows))
         stops = None
         if 0 < self.still_rows < self.rows:
-            rms = _by_component(np.sqrt(self.still_squares / self.still_rows))
+            rms = _by_component(np.sqrt(self.squares[-1] / self.still_rows))
             stops = {"rows": self.still_rows, "rms": rms}
         return {
             "rows": self.rows,

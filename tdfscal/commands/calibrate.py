@@ -180,28 +180,33 @@ def calibrate_samples(
     if samples == "moving":
         return _moving(log, log.moving(), rng=rng)
     dwells, slow = log.samples(samples)
-    if slow is not None and len(dwells) < ENOUGH:
-        moving = partial(_moving, log, slow, rng=rng, instead_of=len(dwells))
-        if (found := where_few(dwells, ENOUGH, moving, NotIdentifiableError)) is not None:
-            return found
-        slow = None
+    found = calibrate_few(log, dwells, slow, log.rig, rng, NotIdentifiableError)
+    if found is not None:
+        return found
     own = _static(log, dwells, estimator, rng)
-    if slow is None or own.reasons or estimator == "linear":
+    if slow is None or len(dwells) < ENOUGH or own.reasons or estimator == "linear":
         return own
     expected = with_moves(log.rig, slow, delay_of(log.campaign.rig), own.fit.state)
     return replace(own, with_moves=expected)
 
 
 def calibrate_few(
-    log: LogPass, dwells: Dwells, slow: Slow | None, rig: Rig
+    log: LogPass,
+    dwells: Dwells,
+    slow: Slow | None,
+    rig: Rig,
+    rng: np.random.Generator | None = None,
+    final: type[TdfscalError] | tuple[()] = (),
 ) -> MotionCalibration | None:
     """Calibrate from a log's motion, by what a rig states; None where its dwells are to be taken.
 
+    final : faults of a motion that few dwells cannot mend.
     Raises DataError, NotIdentifiableError, NotConvergedError where it has no dwell either.
     """
     if slow is None:
         return None
-    return where_few(dwells, ENOUGH, partial(_moving, log, slow, rig=rig, instead_of=len(dwells)))
+    moving = partial(_moving, log, slow, rig=rig, rng=rng, instead_of=len(dwells))
+    return where_few(dwells, ENOUGH, moving, final)
 
 
 def _static(

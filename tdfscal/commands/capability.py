@@ -40,7 +40,7 @@ from tdfscal.detection.path import Path as Places
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.plan import read_plan
-from tdfscal.findings import Finding, Value, rejecting, unfit
+from tdfscal.findings import Finding, Value, unfit
 from tdfscal.frozen import record, replace
 from tdfscal.model.postures import ZeroAge
 from tdfscal.records import BoolArray, FloatArray
@@ -71,11 +71,6 @@ class CapabilityResult(CommandResult):
     timed: bool
     name: str
     making: Making
-
-    @property
-    def exit_status(self) -> int:
-        """1 where a finding rejects the path, or the calibration for it."""
-        return int(bool(rejecting(self.findings)))
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
         """Lay out thresholds, what they come from, and what would help."""

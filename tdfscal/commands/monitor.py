@@ -30,7 +30,7 @@ from tdfscal.files.calibration.compared import below_accepted
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import overdue, unsealed
 from tdfscal.files.calibration.parts import MeasuredResult
-from tdfscal.findings import Finding, rejecting
+from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.logs import is_log
 from tdfscal.reporting.history import History, Source, day, finding
@@ -48,11 +48,6 @@ class MonitorResult(History, CommandResult):
     """A rig's history."""
 
     __repr__ = CommandResult.__repr__
-
-    @property
-    def exit_status(self) -> int:
-        """1 on an alarm, or where a campaign that matters could not be judged."""
-        return 1 if rejecting(self.findings) else 0
 
     def table(self) -> dict[str, list[Any]]:
         """One row per check and angle: check, date, support, angle, value, std, path …, in rad."""

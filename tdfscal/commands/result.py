@@ -28,6 +28,7 @@ from tdfscal.files.calibration.document import load_calibration as load_file
 from tdfscal.files.outputs import protect
 from tdfscal.files.saving import write_text
 from tdfscal.files.yaml import as_path
+from tdfscal.findings import rejecting
 from tdfscal.frozen import FrozenInstanceError, record, replace
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
@@ -174,6 +175,11 @@ class CommandResult(Result):
     """Base of the results that are no file. command : line, or function, that asked for it."""
 
     command: str = ""
+
+    @property
+    def exit_status(self) -> int:
+        """1 where a finding rejects the result."""
+        return int(bool(rejecting(getattr(self, "findings", ()))))
 
 
 def by_column(names: str, rows: Iterable[Sequence[Any]]) -> dict[str, list[Any]]:

@@ -136,15 +136,22 @@ def compare_pair(
     for name, rotations in (a, b):
         _require_covariance(name, rotations)
     d = so3.log(first.rotation @ np.swapaxes(second.rotation, 1, 2))
-    covariance, known, seen = _of_difference(first, second, nested)
-    departure = Contrast(known, known @ d.reshape(-1))
-    chi2, dof = departure.chi2()
     rpy = so3.deviations(first.rotation, second.rotation)
-    if nested is None:  # each by its own angles, which matters where they are far apart
+    if nested is None:
+        # Both know every turn: the one may be as sure as a reference that counts as exact.
+        covariance = first.covariance + second.covariance
+        known = seen = inverse(covariance)
+        # Each by its own angles, which matters where they are far apart.
         std = np.hypot(rpy_std(first), rpy_std(second))
     else:
+        whole, part = (first, second) if nested.whole == 0 else (second, first)
+        walked = part.covariance + nested.walk * np.eye(len(part.covariance))
+        change = gain(walked, whole.covariance)
+        covariance, known, seen = change.covariance, change.information, change.seen
         std = np.sqrt(so3.rpy_variance(first.rotation, covariance))
-    en = np.abs(rpy) / (COVERAGE_FACTOR * std)
+    departure = Contrast(known, known @ d.reshape(-1))
+    chi2, dof = departure.chi2()
+    between = Contrast(seen, np.zeros(len(seen)))
     return Comparison(
         names=(a[0], b[0]),
         supports=first.supports,
@@ -152,30 +159,13 @@ def compare_pair(
         covariance=covariance,
         rpy=rpy,
         rpy_std=std,
-        en=en,
+        en=np.abs(rpy) / (COVERAGE_FACTOR * std),
         chi2=chi2,
         dof=dof,
         p_value=p_value((chi2, dof)),
         sensor_p=departure.turn_p(len(d)),
-        detectable=smallest_changes(
-            first.rotation, Contrast(seen, np.zeros(len(seen))), dof, INCOMPATIBLE / 2
-        ),
+        detectable=smallest_changes(first.rotation, between, dof, INCOMPATIBLE / 2),
     )
-
-
-def _of_difference(
-    first: Rotations, second: Rotations, nested: Nested | None
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Covariance of A − B, information on it, and on a turn between the two; all (3n, 3n)."""
-    if nested is None:
-        # Both know every turn: the one may be as sure as a reference that counts as exact.
-        covariance = first.covariance + second.covariance
-        known = inverse(covariance)
-        return covariance, known, known
-    whole, part = (first, second) if nested.whole == 0 else (second, first)
-    size = len(part.covariance)
-    found = gain(part.covariance + nested.walk * np.eye(size), whole.covariance)
-    return found.covariance, found.information, found.seen
 
 
 def smallest_changes(

@@ -8,8 +8,7 @@ Prieur, SIAM/ASA J. Uncertainty Quantification 5, 2017): never negative, and 1 i
 
 from __future__ import annotations
 
-from itertools import combinations
-from math import comb
+from itertools import permutations
 
 import numpy as np
 
@@ -46,28 +45,19 @@ def calibration_variances(given: Calibrated, jacobian: FloatArray) -> dict[str, 
     C = given.covariance[np.ix_(used, used)] / np.outer(scale[used], scale[used])
     J = jacobian[:, :, used] * scale[used]
     mean = np.einsum("bcp,bcq->cpq", J, J) / len(J)  # (6, p, p)
-    member, count = member[used], 1 + len(GROUPS)
-    explained = {}
-    for size in range(count + 1):
-        for subset in combinations(range(count), size):
-            known = np.isin(member, subset)
-            gain = np.zeros((len(C), len(C)))
-            if known.any():
-                cross = C[:, known]
-                gain = cross @ np.linalg.pinv(C[np.ix_(known, known)], 1e-9, True) @ cross.T
-            explained[subset] = np.einsum("cpq,pq->c", mean, gain)
-    parts = {}
-    for g, name in enumerate(("calibration", *GROUPS)):
-        rest = [other for other in range(count) if other != g]
-        parts[name] = sum(
-            (
-                (explained[tuple(sorted((*subset, g)))] - explained[subset])
-                / (count * comb(count - 1, size))
-                for size in range(count)
-                for subset in combinations(rest, size)
-            ),
-            np.zeros(6),
-        )
+    member, names = member[used], ("calibration", *GROUPS)
+    explained, orders = dict[frozenset[int], FloatArray](), list(permutations(range(len(names))))
+    for subset in {frozenset(order[:k]) for order in orders for k in range(len(names) + 1)}:
+        known, gain = np.isin(member, list(subset)), np.zeros((len(C), len(C)))
+        if known.any():
+            cross = C[:, known]
+            gain = cross @ np.linalg.pinv(C[np.ix_(known, known)], 1e-9, True) @ cross.T
+        explained[subset] = np.einsum("cpq,pq->c", mean, gain)
+    parts = {name: np.zeros(6) for name in names}
+    for order in orders:
+        for k, g in enumerate(order):
+            gained = explained[frozenset(order[: k + 1])] - explained[frozenset(order[:k])]
+            parts[names[g]] += gained / len(orders)
     return parts
 
 
@@ -204,10 +194,5 @@ def _shares(
     parts["noise"] = np.mean(np.sum(errors.postures**2, axis=2), axis=0)
     parts["noise"] = parts["noise"] + [one.std**2 for one in components]
     total = np.sum([parts[source] for source in SOURCES], axis=0)
-    share = {
-        source: np.divide(parts[source], total, out=np.zeros(6), where=total > 0)
-        for source in SOURCES
-    }
-    for each in share.values():
-        each[errors.open] = np.nan
-    return share
+    told = np.where(errors.open, np.nan, np.maximum(total, np.finfo(np.float64).tiny))
+    return {source: parts[source] / told for source in SOURCES}

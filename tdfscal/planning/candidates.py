@@ -134,27 +134,19 @@ def draw(rig: Rig, limits: Limits, count: int, rng: np.random.Generator) -> Cand
     turn = limits.tilt * np.where(at_limit[1], np.sign(turn), turn)
     axis = np.stack([np.cos(azimuth), np.sin(azimuth)], axis=-1)
     rotation = _within_travel(rig, limits, turn, lean[:, None] * axis)
-    modes = internal_modes(hanging(rig, rotation)[0])
+    arm, carried = hanging(rig, rotation)
+    modes = internal_modes(arm)
     along = rng.standard_normal((count, modes.shape[1]))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
     direction = np.einsum("kd,kdna->kna", along, modes)
     radius = np.where(at_limit[2], 1.0, rng.uniform(size=count))
     reach = np.max(np.linalg.norm(direction, axis=2), axis=1)
     squeeze = (limits.squeeze * radius / reach)[:, None, None] * direction
-    return _loaded(rig, limits, rotation, squeeze)
-
-
-def _loaded(rig: Rig, limits: Limits, rotation: FloatArray, squeeze: FloatArray) -> Candidates:
-    """Postures with as much of the squeeze as the limits leave; those without room are left out.
-
-    Raises UsageError where none has.
-    """
     place = limits.at_home(rig) + displacement(rig, limits, rotation)
-    _, carried = hanging(rig, rotation)
     share = room(rig, limits, carried, squeeze)
     keep = np.flatnonzero(share >= 0.0)
     if not keep.size:
-        raise _too_heavy(rig, limits, carried)
+        raise too_heavy(rig, limits, carried)
     squeeze = squeeze * np.minimum(share, 1.0)[:, None, None]
     return Candidates(rotation, place, carried, squeeze).take(keep)
 
@@ -208,7 +200,7 @@ def room(rig: Rig, limits: Limits, carried: FloatArray, squeeze: FloatArray) -> 
     return np.asarray(np.minimum(in_force, np.min(t, axis=(1, 2))))
 
 
-def _too_heavy(rig: Rig, limits: Limits, carried: FloatArray) -> UsageError:
+def too_heavy(rig: Rig, limits: Limits, carried: FloatArray) -> UsageError:
     """Say what the weight alone asks of the machine in the easiest posture."""
     margin = _MARGIN * limits.repeatability_force(rig)
     easiest = np.linalg.norm(carried, axis=2).min(axis=0)

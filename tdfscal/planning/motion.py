@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.errors import NotIdentifiableError
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import EVEN_TURN, nominal, sensing
 from tdfscal.model.statics import internal_modes, internal_part
@@ -29,6 +29,7 @@ from tdfscal.planning.candidates import (
     check_noise,
     hanging,
     room,
+    too_heavy,
 )
 from tdfscal.planning.predicted_information import Forecast
 from tdfscal.records import ANGLES, FloatArray, Rig, UncertainValue
@@ -177,10 +178,7 @@ def usual_motion(rig: Rig, request: MovingRequest) -> Multisine:
     force = 0.0 if largest == 0.0 else limits.squeeze / largest
     left = float(room(rig, limits, course.carried, force * course.squeeze).min())
     if left < 0.0:
-        raise UsageError(
-            "the weight alone takes the NCPs or the sensors to their limit of force",
-            hint="raise the force limit, tilt less, or correct the capacities that are stated",
-        )
+        raise too_heavy(rig, limits, course.carried)
     return replace(motion, force=force * min(left, 1.0))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from tdfscal.acceptance import coverage_radius
 from tdfscal.frozen import record
-from tdfscal.model.parameters import EVEN_TURN, State, layout, nominal, prior_std, sensing
+from tdfscal.model.parameters import State, furthest, layout, nominal, prior_std, sensing
 from tdfscal.model.statics import Postures, balance, features_jacobian, internal_modes
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import inverse
@@ -14,21 +14,9 @@ from tdfscal.planning.candidates import Candidates, Limits, hanging
 from tdfscal.records import BoolArray, FloatArray, Rig
 from tdfscal.selfcal.estimator import Fit, at_state
 
-#: What an unknown quantity (std ∞) is at most: so wide that it says nothing, so narrow that the
-#: arithmetic keeps its digits.
-_WIDE = {
-    "rotation": EVEN_TURN,
-    "zero": 1e4,
-    "sensitivity": 1.0,
-    "mass": 1e4,
-    "barycentre": 1e1,
-    "hinge": 1e-1,
-    "datum": 1e-1,
-    "tilt": 1e-1,
-    "compliance": 1e-4,
-    "friction": 1e3,
-    "drift": 1.0,
-}
+#: What an unknown zero, and the friction of hinges, are at most, N: they are no constants of the
+#: rig.
+_WIDE = {"zero": 1e4, "friction": 1e3}
 
 
 @record
@@ -50,9 +38,9 @@ class Sight:
     @classmethod
     def of(cls, rig: Rig, noise: float) -> Sight:
         """At the nominal mounting."""
-        std, place = prior_std(rig), layout(rig.n)
-        wide = np.concatenate([np.full(at.stop - at.start, _WIDE[g]) for g, at in place.items()])
-        active = std > 0
+        active, wide, place = prior_std(rig) > 0, furthest(rig.n), layout(rig.n)
+        for group, most in _WIDE.items():
+            wide[place[group]] = most
         none = np.zeros(rig.n, dtype=np.bool_)
         return cls(rig, nominal(rig), noise, active, wide[active], none)
 
