@@ -14,14 +14,12 @@ from tdfscal.simulation.equilibrium import Pose as Pose
 from tdfscal.simulation.equilibrium import internal_part as internal_part
 from tdfscal.simulation.equilibrium import settle as settle
 from tdfscal.simulation.faults import Contact as Contact
-from tdfscal.simulation.faults import DeadAxis as DeadAxis
 from tdfscal.simulation.faults import Drift as Drift
 from tdfscal.simulation.faults import Faults as Faults
 from tdfscal.simulation.faults import Gain as Gain
 from tdfscal.simulation.faults import Jolt as Jolt
 from tdfscal.simulation.faults import Slip as Slip
 from tdfscal.simulation.faults import ZeroShift as ZeroShift
-from tdfscal.simulation.moving_campaign import MovingCampaign as MovingCampaign
 from tdfscal.simulation.options import Options as Options
 from tdfscal.simulation.options import Recorder as Recorder
 from tdfscal.simulation.options import SurveyOptions as SurveyOptions
