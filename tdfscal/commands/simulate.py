@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +11,7 @@ from tdfscal.commands.campaign import PathLike, rig_file
 from tdfscal.commands.options import Option, silent
 from tdfscal.commands.result import CommandResult, by_column, each_angle
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.files.writers.campaign import LogFormat, check_folder, simulate_to_folder
+from tdfscal.files.writers.campaign import SQUEEZE, LogFormat, check_folder, simulate_to_folder
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record
 from tdfscal.reporting.layout import document
@@ -64,7 +65,7 @@ def simulate(
     format: Annotated[LogFormat, Option("format of the log")] = "csv",
     postures: Annotated[int, Option("number of postures", least=1)] = 24,
     tilt: Annotated[float, Option("largest tilt, degrees")] = 5.0,
-    squeeze: Annotated[float, Option("commanded internal forces, N")] = 200.0,
+    squeeze: Annotated[float, Option("commanded internal forces, N")] = SQUEEZE,
     rate: Annotated[
         float, Option("samples per second of all signals", least=10.0, below=20_001.0)
     ] = 100.0,
@@ -92,7 +93,7 @@ def simulate(
         recorder=Recorder(force_rate=rate, position_rate=rate),
         format=format,
         postures=postures,
-        tilt_deg=tilt,
+        tilt=math.radians(tilt),
         squeeze=squeeze,
         months=months,
         seed=seed,

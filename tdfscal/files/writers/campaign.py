@@ -20,7 +20,6 @@ from tdfscal.records import (
     Drift,
     Log,
     Rig,
-    Rows,
     SensorInfo,
     TrackerSession,
 )
@@ -28,7 +27,6 @@ from tdfscal.simulation import (
     MOVING,
     Campaign,
     Options,
-    Recorder,
     Run,
     Survey,
     SurveyOptions,
@@ -50,6 +48,8 @@ _FORMATS: dict[LogFormat, Callable[[Path, Log], dict[str, Any]]] = {
 STATED_DELAY = {"value": 0.0, "std": 0.02}
 #: Relative standard uncertainty of the gain of the sample rig's sensors, as data sheets have it.
 _GAIN = 1.0e-3
+SQUEEZE = 200.0
+"""Internal forces that are commanded where nothing else is asked for, N."""
 #: What a simulated campaign was made of.
 TRUTH = "truth.yaml"
 _TRACKER: dict[str, Any] = {
@@ -188,34 +188,23 @@ def simulate_to_folder(
     scenario: str = "self",
     *,
     format: LogFormat = "csv",
-    postures: int = 24,
-    tilt_deg: float = 5.0,
-    squeeze: float = 200.0,
     seed: int = 0,
-    recorder: Recorder | None = None,
     survey: SurveyOptions | None = None,
-    rows: Rows = "timeseries",
     months: int = 12,
+    **driven: Any,
 ) -> Run:
     """Simulate a scenario on a rig (default: the reference rig) and write its campaign folder.
 
-    tilt_deg : largest lean of a posture, degrees. squeeze : commanded internal forces, N, as
-    `Options.squeeze`. recorder : rates, timing and noise; 100 Hz throughout by default.
     survey : the tracker session; by default 12 moves per NCP with the paper's tracker, 5 m away.
     months : of the scenario "months", which writes a folder each; the run is then the last one's.
+    driven : fields of `Options`, such as postures and recorder; squeezed with 200 N by default.
     The same arguments and seed give the same bytes; another format gives the same numbers.
 
     Raises UsageError for an unknown scenario, impossible numbers, or a folder that is
     not empty; RigError and NotConvergedError as `simulate_campaign`.
     """
     check_folder(folder)
-    options = Options(
-        postures=postures,
-        tilt=float(np.deg2rad(tilt_deg)),
-        squeeze=squeeze,
-        rows=rows,
-        recorder=recorder or Recorder(),
-    )
+    options = Options(**{"squeeze": SQUEEZE, **driven})
     rng = np.random.default_rng(seed)
     if scenario == "months":
         runs, steps = simulate_months(rig or sample_rig(), options, rng, months)
@@ -228,12 +217,12 @@ def simulate_to_folder(
             story = {"scenario": {"name": scenario, "seed": seed}, "steps": steps}
             write_text(folder / TRUTH, to_yaml({"format": "tdfscal-truth/1", **story}))
         return runs[-1]
-    driven: Options | MovingOptions = options
+    how: Options | MovingOptions = options
     if scenario in MOVING:
-        driven = replace(MOVING[scenario], rate=options.recorder.force_rate)
+        how = replace(MOVING[scenario], rate=options.recorder.force_rate)
         if scenario in ("motion", "stops"):
-            driven = replace(driven, tilt=options.tilt, squeeze=squeeze)
-    of = run(rig or sample_rig(), scenario, driven, rng, survey)
+            how = replace(how, tilt=options.tilt, squeeze=options.squeeze)
+    of = run(rig or sample_rig(), scenario, how, rng, survey)
     write_run(of, folder, format=format, seed=seed)
     return of
 
