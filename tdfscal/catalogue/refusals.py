@@ -293,7 +293,7 @@ points-mirrored refuses
   -> look for an axis with the wrong sign or a left-handed frame
 points-alike-off refuses
   the {what} do not fit their reference points, and any of {subject} may be the one that is off
-  -> measure them again; a fifth or sixth target would tell which one it is
+  -> measure them again; one or two targets more would tell which one it is
 points-certain refuses
   some {what} have an uncertainty of zero in some direction
   -> state a range and an angle uncertainty of the instrument above zero

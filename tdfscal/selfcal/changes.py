@@ -181,7 +181,8 @@ def find_change(of: Estimate[Fit], time: FloatArray, number: IntArray) -> Suspic
         ahead, touched = change.worth, int(np.sum(counts & ~used))
         if touched:  # of contact at each of them, whose deviance is that of the estimate
             ahead += of.fit.cost + ROWS * touched * search.unknown - search.chi2
-        if ahead > -CAUSES_APART and (best is None or ahead > best[0]):
+        # Postures that are out already need no other cause that explains them less well.
+        if ahead > (0.0 if touched else -CAUSES_APART) and (best is None or ahead > best[0]):
             best = ahead, changes, p_value, bool(touched) and ahead < CAUSES_APART
     if best is None:
         return None

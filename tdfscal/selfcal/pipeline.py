@@ -45,6 +45,7 @@ from tdfscal.selfcal.outliers import (
 from tdfscal.selfcal.preparation import Usable, check_readings, misplaced_hinges, usable_postures
 from tdfscal.selfcal.score_tests import suspicions, wandering
 from tdfscal.significance import (
+    CAUSE_EXPLAINS,
     CAUSES_APART,
     INTERVAL_COVERAGE,
     MISFIT,
@@ -348,4 +349,6 @@ def _with_change(doubts: tuple[Suspicion, ...], told: _Told) -> tuple[Suspicion,
     """
     if told.change is None:
         return doubts
-    return likeliest([told.change, *(doubts or wandering(told.known, told.usable.time))])
+    walks = wandering(told.known, told.usable.time)
+    rivals = doubts or [walk for walk in walks if walk.p_value < CAUSE_EXPLAINS]
+    return likeliest([told.change, *rivals])
