@@ -21,6 +21,8 @@ S = TypeVar("S")
 #: A step is converged when it changes the whitened residual by less than this many standard
 #: deviations, a millionth of any parameter's own uncertainty; the step after it would be far less.
 TOLERANCE = 1e-6
+#: A step shorter than this, in standard uncertainties, is near the minimum.
+_NEAR = 0.1
 #: Steps at most.
 STEPS = 60
 #: A component below which no direction that is seen has it.
@@ -183,16 +185,23 @@ def gauss_newton(
 ) -> Solution[S]:
     """Minimise |residual(state)|², where model returns the whitened residual and its Jacobian.
 
-    Full Gauss–Newton steps while they descend; Levenberg's damping where they do not. Directions
-    without any information are left where they started.
+    Full Gauss–Newton steps while they descend; Levenberg's damping where they do not. Near the
+    minimum a step is as long as the one before it shows (Barzilai & Borwein, IMA J. Numer. Anal. 8,
+    1988): in a direction of which little is known the residuals' curvature, which these steps leave
+    out, outweighs what is, and whole steps overshoot. Directions without any information are left
+    where they started.
     """
     state, damping = start, 0.0
     residual, jacobian = model(state)
+    last = moved = np.zeros(len(residual))
     cost = float(residual @ residual)
     for iteration in range(1, iterations + 1):
         parts = spectrum(jacobian)
+        whole = -parts.left @ (parts.left.T @ residual)
+        share = _share(whole - last, moved) if np.linalg.norm(whole) < _NEAR else 1.0
+        last = whole
         while True:
-            step = parts.solve(residual, damping)
+            step = share * parts.solve(residual, damping)
             predicted = float(np.linalg.norm(jacobian @ step))
             trial = retract(state, step)
             new_residual, new_jacobian = model(trial)
@@ -202,11 +211,18 @@ def gauss_newton(
             damping = max(10 * damping, 1e-6)
             if damping > 1e8:
                 return Solution(state, residual, jacobian, cost, iteration, False)
+        moved = jacobian @ step
         state, residual, jacobian, cost = trial, new_residual, new_jacobian, new_cost
-        if predicted < TOLERANCE and damping < 1e-9:
+        if predicted < share * TOLERANCE and damping < 1e-9:
             return Solution(state, residual, jacobian, cost, iteration, True)
         damping = 0.0 if damping < 1e-5 else damping / 30
     return Solution(state, residual, jacobian, cost, iterations, False)
+
+
+def _share(change: FloatArray, moved: FloatArray) -> float:
+    """The part of a whole step to make; change : by the last one, `moved`, (m,) in residuals."""
+    curved = -float(change @ moved)
+    return float(np.clip(moved @ moved / curved, 0.1, 1.0)) if curved > 1.5 * moved @ moved else 1.0
 
 
 #: A direction whose share of the columns is below this is rounding.

@@ -92,6 +92,21 @@ def test_too_few_steps_are_said() -> None:
     assert np.array_equal(few.jacobian, rosenbrock(few.state)[1])
 
 
+@pytest.mark.parametrize("curvature", [0.0, 0.9, 2.5, 6.0])
+def test_curved_residuals_outweigh_a_direction_that_is_hardly_known(curvature: float) -> None:
+    """r = (10 + k y²/2, x − 1, s y), with 10 k / s² the curvature: the minimum is at y = 0."""
+    s = 1e-2
+    k = curvature * s**2 / 10.0
+
+    def curved(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        residual = np.array([10.0 + k * x[1] ** 2 / 2, x[0] - 1.0, s * x[1]])
+        return residual, np.array([[0.0, k * x[1]], [1.0, 0.0], [0.0, s]])
+
+    found = gauss_newton(curved, move, np.array([0.0, 5.0]))
+    assert found.converged
+    assert s * abs(found.state[1]) < 1e-6
+
+
 def test_what_cannot_descend_stays_and_says_so() -> None:
     """A Jacobian that points uphill, and a residual that is no number."""
 
