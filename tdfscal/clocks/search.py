@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from itertools import combinations
+from operator import attrgetter
 
 import numpy as np
 
@@ -40,13 +41,15 @@ _DENSE = 10_000  # instants on which offset and rate are refined
 _ALIKE = 1.5  # ratio of misfits up to which two lags explain alike,
 _REPEATS = 0.1  # where positions repeat to this part of their travel,
 _HALF = 0.5  # or by this part of the evidence at least
-_CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
+CLEAR = 3.0  # ratio of misfits from which a lag is told from chance,
 _CERTAIN = 20.0  # and its log-likelihood ratio
 _PART = 0.125  # of that time, by which lags that are all tried are apart,
-_MOST_LAGS, _CLOSER = 800, 3  # so many at most, and how many of them are looked at closer
+_MOST_LAGS, _TOGETHER = 2_000, 64  # how many at most, of which so many are judged together;
+_BASINS, _CLOSER = 3, 17  # about the best of them, so many closer ones each
 _WRONG = 5.0  # times the noise's misfit, from which the streams may be wired wrongly
 _CHANCE = 22.0  # log-likelihood ratio of an activity that is no chance,
 _LIKE = 0.85  # and its correlation
+_MISFIT = attrgetter("misfit")
 _UNKNOWN = 1e3  # s, standard uncertainty of a lag that nothing but its statement tells
 _ALSO = 0.6  # share of it from which another lag is as likely
 
@@ -85,24 +88,15 @@ class Search:
         )
         self.balance = Balance(self.positions, self.forces) if complete else None
 
-    @cached_property
-    def width(self) -> float:
-        """Width, s, of a bin of activity."""
-        slowest = max(self.first.period, self.second.period)
-        return max(_WIDTH, 1.5 * slowest, max(self.spans) / _BINS)
-
-    @cached_property
-    def courses(self) -> tuple[FloatArray, FloatArray]:
-        """Log-activity of both recorders."""
-        first, second = (
-            activity(tracks.forces or tracks.positions, self.width, span)
-            for tracks, span in zip((self.first, self.second), self.spans, strict=True)
-        )
-        return first, second
-
     def candidates(self) -> list[Peak]:
         """Lags at which both are active together, the likeliest first."""
-        found = peaks(*self.courses, self.width, _OVERLAP * min(self.spans), _CANDIDATES)
+        slowest = max(self.first.period, self.second.period)
+        width = max(_WIDTH, 1.5 * slowest, max(self.spans) / _BINS)  # s, of a bin of activity
+        first, second = (
+            activity(tracks.forces or tracks.positions, width, span)
+            for tracks, span in zip((self.first, self.second), self.spans, strict=True)
+        )
+        found = peaks(first, second, width, _OVERLAP * min(self.spans), _CANDIDATES)
         faint = _FAINT * found[0].evidence if found else 0.0
         found = [p for k, p in enumerate(found) if k < _LEAST or p.evidence > faint]
         if np.isfinite(self.std):
@@ -112,13 +106,13 @@ class Search:
 
     @property
     def reach(self) -> float:
-        """By how much, s, the lag may be off what is stated."""
+        """How much, s, the lag may be off what is stated."""
         return 5.0 * self.std + self.prior.rate_std * max(self.spans) + _STEP
 
     @cached_property
     def by_moves(self) -> list[Candidate]:
         """The lags that the moves allow, those that balance best first."""
-        return _by_misfit(self.judged(self.candidates()))
+        return sorted(self.judged(self.candidates()), key=_MISFIT)
 
     @cached_property
     def found(self) -> list[Candidate]:
@@ -128,29 +122,17 @@ class Search:
         is clear, all are tried, in steps of the time in which the positions tell something new.
         """
         found = self.by_moves
-        usual = _usual(found)
-        if self.balance is None or np.isfinite(self.std) or (found and is_clear(found[0], usual)):
+        clear = found and is_clear(found[0], _usual(found))
+        if self.balance is None or np.isfinite(self.std) or clear:
             return found
-        step = _PART * self.correlation_time
-        least = _OVERLAP * min(self.spans)
-        lags = np.arange(least - self.spans[0], self.spans[1] - least, step)
-        if len(lags) <= _MOST_LAGS:
-            found = _by_misfit([*found, *self.judged([Peak(lag, 0.0, least) for lag in lags])])
-        found = [c for c in found if np.isfinite(c.misfit)] or found
-        best, others = found[:_CLOSER], found[_CLOSER:]
-        while step > _WIDTH:
-            step /= 2.0
-            near = [
-                Peak(c.lag + way, c.peak.r, c.peak.overlap) for c in best for way in (-step, step)
-            ]
-            near = [peak for peak in near if -self.spans[0] < peak.lag < self.spans[1]]
-            tried = {c.lag: c for c in self.judged(near)}
-            best = [
-                min([c, *(tried[x] for x in (c.lag - step, c.lag + step) if x in tried)],
-                    key=lambda each: each.misfit)
-                for c in best
-            ]  # fmt: skip
-        return _by_misfit([*best, *others])
+        step, least = _PART * self.correlation_time, _OVERLAP * min(self.spans)
+        every = np.arange(least - self.spans[0], self.spans[1] - least, step)
+        if len(every) <= _MOST_LAGS:
+            found = found + self.judged([Peak(lag, 0.0, least) for lag in every])
+            found.sort(key=_MISFIT)
+        ways = step * np.linspace(-1.0, 1.0, _CLOSER)
+        closer = [Peak(c.lag + way, 0.0, least) for c in found[:_BASINS] for way in ways]
+        return sorted([*found, *self.judged(closer)], key=_MISFIT)
 
     def wired(self) -> Search:
         """The search in which one mistake of the wiring is undone, where only so a lag balances.
@@ -160,10 +142,10 @@ class Search:
         """
         if self.balance is None or not self.found:
             return self
-        best = self.found[0].misfit
+        best, likeliest = self.found[0].misfit, self
         if best <= _WRONG * self.balance.noise:
             return self
-        likeliest, least = self, best / _CLEAR
+        least = best / CLEAR
         for wiring in _mistakes(len(self.positions)):
             other = Search(self.first.rewired(wiring), self.second.rewired(wiring), self.prior)
             found = other.by_moves
@@ -177,15 +159,15 @@ class Search:
         found = self.found
         if not found:
             raise self._not_found(name)
-        best, *others = found
-        usual = _usual(found)
-        if np.isfinite(self.std) or is_clear(best, usual):
-            for other in others:
-                apart = abs(other.peak.lag - best.peak.lag) > SAME
-                if apart and not np.isfinite(self.std) and self._alike(best, other, usual):
-                    raise self._undecided(name, best, other)
+        best, usual = found[0], _usual(found)
+        if np.isfinite(self.std):
             return best
-        return self._by_activity(name, found)
+        if not is_clear(best, usual):
+            return self._by_activity(name, found)
+        for other in found[1:]:
+            if abs(other.lag - best.lag) > SAME and self._alike(best, other, usual):
+                raise self._undecided(name, best, other)
+        return best
 
     def _by_activity(self, name: str, found: Sequence[Candidate]) -> Candidate:
         """The lag by the moves alone, where the balance does not tell."""
@@ -212,6 +194,9 @@ class Search:
         """The lags with the misfit of the balance there; time : instants, default all of a lag."""
         if self.balance is None or not lags:
             return [Candidate(peak) for peak in lags]
+        if len(lags) > _TOGETHER:
+            parts = (lags[k : k + _TOGETHER] for k in range(0, len(lags), _TOGETHER))
+            return [candidate for part in parts for candidate in self.judged(part, time)]
         found, taken = [], self.balance.parameters
         times = [self.instants(peak.lag) if time is None else time for peak in lags]
         shift = [np.full(len(own), peak.lag) for peak, own in zip(lags, times, strict=True)]
@@ -249,7 +234,7 @@ class Search:
         return NotIdentifiableError(Finding("recorder-clock-open", (name,), values=values))
 
     def refined(self, candidate: Candidate, name: str) -> RecorderClock:
-        """The clock with offset and rate by the balance during the moves."""
+        """The clock with offset and rate, by the balance or by single moves."""
         slowest, drift = max(self.first.period, self.second.period), self.prior.rate_std
         time = self.instants(candidate.lag, _DENSE)
         middle = 0.5 * float(time[0] + time[-1])
@@ -321,10 +306,6 @@ def _streams(
     return both
 
 
-def _by_misfit(found: Sequence[Candidate]) -> list[Candidate]:
-    return sorted(found, key=lambda candidate: candidate.misfit)
-
-
 def _usual(found: Sequence[Candidate]) -> float:
     """Misfit of lags by chance: the median of those far from the best, the first."""
     rest = [c for c in found if np.isfinite(c.misfit)]
@@ -360,79 +341,4 @@ def is_clear(best: Candidate, usual: float) -> bool:
     if not np.isfinite(best.misfit):
         return False
     ratio = usual / max(best.misfit, 1e-12)
-    return ratio > _CLEAR and best.rows * np.log(ratio) > _CERTAIN
-
-
-def find_clocks(
-    first: Tracks, others: Sequence[tuple[str, Tracks, ClockPrior]]
-) -> list[RecorderClock]:
-    """Find the clocks of all other recorders (name, what it holds, what is stated) by the first's.
-
-    Each beside those found before it, as the balance wants the forces of all; forces that were
-    found by forces alone are looked at again by the positions. Raises as `find_clock` does.
-    """
-    clocks: list[RecorderClock] = []
-    tracks = [own for _, own, _ in others]
-    for name, own, prior in others:
-        found = first.joined(zip(tracks, clocks, strict=False))
-        clocks.append(find_clock(found, own, prior, name))
-    for k, (name, own, prior) in enumerate(others):
-        if not any(each.positions for each in (first, *tracks[: k + 1])):
-            rest = list(zip(tracks, clocks, strict=True))
-            clocks[k] = find_clock(first.joined(rest[:k] + rest[k + 1 :]), own, prior, name)
-    return clocks
-
-
-def find_clock(first: Tracks, second: Tracks, prior: ClockPrior, name: str) -> RecorderClock:
-    """Find the clock of the second of two recorders against the first one's.
-
-    Parameters
-    ----------
-    first, second : what the two hold; the supports' positions and forces, all together.
-    prior : what is stated of the second's clock.
-    name : of the second recorder.
-
-    Raises
-    ------
-    DataError
-        The two do not overlap by what is stated, their moves contradict it, or the moves of one
-        are not found in the other.
-    NotIdentifiableError
-        Two lags explain both alike.
-    """
-    search = Search(first, second, prior).wired()
-    if np.isfinite(search.std):
-        _check_statement(search, name)
-    if prior.exact:
-        return RecorderClock(name, first.begin, float(prior.offset.value), 0.0, 0.0, 0.0)
-    return search.refined(search.chosen(name), name)
-
-
-def _check_statement(search: Search, name: str) -> None:
-    """Raise DataError where the recorders do not overlap by it, or their moves contradict it.
-
-    That they do takes a lag which the recordings tell clearly without the statement; if by
-    their balance, this is far worse at all lags which the statement allows.
-    """
-    alone = Search(search.first, search.second, ClockPrior(rate_std=search.prior.rate_std))
-    try:
-        best = alone.chosen(name)
-    except (DataError, NotIdentifiableError):
-        best = None
-    allowed = search.found
-    shift = search.second.begin - search.first.begin
-    values: dict[str, Value] = {
-        "begin": -search.stated, "end": search.spans[1] - search.stated, "span": search.spans[0],
-        "offset": float(search.prior.offset.value), "std": search.std,
-    }  # fmt: skip
-    if best is not None:
-        told, stated = shift + best.lag, float(search.prior.offset.value)
-        values |= {"found": True, "likelier": told}
-        values["reversed"] = abs(stated + told) <= max(search.reach, SAME)
-    if not allowed:
-        raise DataError(Finding("recorders-overlap-nowhere", (name,), values=values))
-    if best is None or abs(best.lag - search.stated) <= max(search.reach, SAME):
-        return
-    by_moves = best.model is None
-    if by_moves or min(c.misfit for c in allowed) > _CLEAR * best.misfit:
-        raise DataError(Finding("recorder-clock-misstated", (name,), values=values))
+    return ratio > CLEAR and best.rows * np.log(ratio) > _CERTAIN

@@ -272,7 +272,7 @@ def on_one_clock(sources: Sequence[tuple[str, ClockPrior, Reading]]) -> Iterator
     sources : name, what is stated of its clock, and what reads it, twice: for the clocks and for
     what it holds.
     """
-    from tdfscal.clocks.search import find_clocks  # of several alone
+    from tdfscal.clocks import find_clocks  # of several alone
     from tdfscal.clocks.tracks import Reduction
 
     tracks: list[Tracks] = []

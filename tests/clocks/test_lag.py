@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtri
 
-from tdfscal.clocks.search import find_clock
+from tdfscal.clocks import find_clock
 from tdfscal.clocks.tracks import Reduction, Tracks
 from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError
 from tdfscal.records import ClockPrior, Log, Series, UncertainValue
