@@ -20,23 +20,18 @@ from tdfscal.estimation.fit import solve
 from tdfscal.estimation.judged import HeldOut
 from tdfscal.estimation.uncertainty import Estimate, simulate_angles
 from tdfscal.frozen import record, replace
-from tdfscal.model import statics
-from tdfscal.model.parameters import State, gravity, retract, sensing
-from tdfscal.model.postures import forces
-from tdfscal.model.samples_in_motion import rotations
+from tdfscal.model.parameters import State, retract, with_motions
 from tdfscal.model.statics import features, features_jacobian
 from tdfscal.motioncal.blocks import SHORTEST, Block, blocks, rests_of
-from tdfscal.motioncal.design import block_design, inertia_wrench, rms
+from tdfscal.motioncal.design import block_design, rms
 from tdfscal.motioncal.fit import MovingFit, MovingPriors, MovingState
 from tdfscal.motioncal.rows import NOTHING, NoiseModel, gather, improve, initial
-from tdfscal.motioncal.streams import shifted
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import (
     Solution,
     block_diagonal,
     covariance_root,
-    free_values,
     gram_root,
     spectrum,
     triangular,
@@ -279,39 +274,22 @@ class ResidualWrench:
 
 
 def residual_wrench(fit: MovingFit, before: State, after: State) -> ResidualWrench:
-    """Residual wrench of two states over a fit's blocks, both with its motion's parameters."""
-    times, lengths = [], []
-    mean = max(_MEAN, sum(block.seconds for block in fit.blocks) / _MEANS)
-    for block in fit.blocks:
-        position = shifted(fit.slow, block.index, fit.state.moving)
-        both = [_wrench(fit, block, position, state) for state in (before, after)]
-        count = max(1, round(block.seconds / mean))
-        first = np.linspace(0, len(position), count, endpoint=False).astype(int)
-        size = np.diff(first, append=len(position))
-        times.append(np.add.reduceat(fit.slow.time[block.index], first) / size)
-        means = np.add.reduceat(np.stack(both, axis=1), first, axis=0) / size[:, None, None]
-        lengths.append(np.linalg.norm(means.reshape(count, 2, 2, 3), axis=3))
-    length = np.concatenate(lengths)
-    return ResidualWrench(np.concatenate(times), length[:, 0], length[:, 1])
+    """Residual wrench of two states in the band of a fit, both with its motion's parameters.
 
-
-def _wrench(fit: MovingFit, block: Block, position: FloatArray, state: State) -> FloatArray:
-    """Return e (N, 6), N and N·m about the barycentre, BCS (theory, section 8).
-
-    position : (N, n, 3), m, of the servos where the forces were felt.
-    Forces that nobody measures are those that leave least of it.
+    An instant counts by the taper. Of forces that nobody measures it is what they leave.
     """
-    rig, position = fit.rig, position - state.datum
-    R = rotations(state.hinge, position)
-    arm = np.einsum("kab,nb->kna", R, state.hinge - state.barycentre)
-    F = forces(state, fit.slow.force[block.index])
-    e = inertia_wrench(R, position, block.step, state, fit.state.moving)
-    e[:, :3] += F.sum(axis=1) + state.mass * gravity(state, rig.gravity)
-    e[:, 3:] += np.cross(arm, F).sum(axis=1)
-    if rig.axes.all():
-        return e
-    B = statics.wrench(arm)
-    cov = np.einsum("knra,knsa->krs", B, B)
-    columns = statics.free(B @ sensing(state), rig.axes)
-    free, _ = free_values(cov, columns, e)
-    return np.asarray(e + (columns @ free[..., None])[..., 0])
+    states = (with_motions(state, fit.priors.motions) for state in (before, after))
+    each = [fit.features_at(MovingState(state, fit.state.moving)) for state in states]
+    psi, times, lengths = np.stack(each, axis=1), [], []
+    mean = max(_MEAN, sum(block.seconds for block in fit.blocks) / _MEANS)
+    for item in fit.designs:
+        block, N = item.block, len(item.block)
+        weighted = np.fft.irfft(item.wrench(psi) / block.scale, N, axis=0)
+        count = max(1, round(block.seconds / mean))
+        first = np.linspace(0, N, count, endpoint=False).astype(int)
+        times.append(np.add.reduceat(fit.slow.time[block.index], first) / np.diff(first, append=N))
+        weight = np.add.reduceat(block.taper[0], first)
+        means = np.add.reduceat(weighted, first, axis=0) / weight[:, None, None]
+        lengths.append(np.linalg.norm(means.reshape(count, 2, 3, 2), axis=2))
+    length = np.concatenate(lengths)
+    return ResidualWrench(np.concatenate(times), length[..., 0], length[..., 1])
