@@ -34,6 +34,8 @@ from tdfscal.significance import MOST_REJECTED
 _TRIED = 3
 #: Noise that is more than stated: what touched is looked for first.
 _NOISE = ("force-noise-suspected", "sensor-noise-suspected")
+#: Times as many postures as there are: more are no advice.
+_MANY = 20
 #: What is asked for beyond the bare limit.
 _SPARE = 1.2
 #: Uncertainty, as a share of that of now, at which a change of the campaign is worth a word.
@@ -249,6 +251,9 @@ def _of_the_precision(c: Calibration) -> Iterator[str]:
     elif c.fit is None or not c.fit.postures:
         still = "".join(f"{found.cure}, or " for found in c.found("dwells-few"))
         yield f"{still}squeeze the NCPs against each other, move longer, tilt farther: {weakest}"
+    elif _SPARE * (worst / limit) ** 2 > _MANY:
+        ask = "squeeze harder, quieten the sensors, or ask for less (`acceptance.angle_std`)"
+        yield f"more of such postures do not reach the limit; {ask}: {weakest}"
     else:
         wanted = ceil(_SPARE * c.fit.postures * (worst / limit) ** 2)
         harder, seen = _SPARE * worst / limit, c.observability

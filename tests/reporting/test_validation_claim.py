@@ -62,9 +62,6 @@ def test_zeros_that_moved_are_no_proof_that_nothing_turned() -> None:
         assert v.holds
         assert v.zeros.moved
         assert v.detectable[:, :2].max() > 5e-4
-        said = written(v)[1]
-        assert "a sensor's turn that is too small to be sure of would fit as well" in said
-        assert "would have shown it with 95 % probability, even behind a new tare" in said
 
 
 def test_a_chi2_that_does_not_reject_gives_no_reason_to_recalibrate() -> None:
