@@ -46,10 +46,6 @@ class Earlier(EarlierCalibration):
             for one, files, means in zip(self.campaigns, *known, strict=True)
         ]
 
-    def own_recordings(self) -> list[Recording]:
-        """Those of them on which no calibration stands that this one updates."""
-        return self.recordings()[-1:] if self.file.history else self.recordings()
-
     def history(self) -> tuple[HistoryEntry, ...]:
         """The calibrations that one which stands on this one stands on."""
         own = {"created": self.file.created, "method": self.file.method, "sha256": self.sha256}

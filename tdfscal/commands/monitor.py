@@ -105,10 +105,15 @@ def monitor(
             "one check is no history", hint="name two or more calibrations or campaign folders"
         )
     settings = Settings(progress)
-    before = [recording for earlier in known for recording in earlier.own_recordings()]
+    # Of an update its own; those before are its base's.
+    before = [
+        recording
+        for earlier in known
+        for recording in earlier.recordings()[-1 if earlier.file.history else 0 :]
+    ]
     reads, unusable = usable_campaigns(groups, settings, None, known, before)
     if not known and not reads:
-        raise unusable.first
+        raise next(iter(unusable.values()))
     reads, lost = _taking_part(known, reads, unusable)
     checks: list[Earlier | Judged] = [*known, *reads]
     if not checks:

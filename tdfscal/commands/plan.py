@@ -156,7 +156,7 @@ def plan(
         what = "--postures and --target ask for two different things"
         raise UsageError(what, hint="give one of them")
     known, force = rig_file(rig), np.inf if force_limit is None else force_limit
-    way = travel_limits(known.rig, _travels(travel))
+    way = travel_limits(known.rig, travel)
     limits = Limits(float(np.deg2rad(tilt)), squeeze, way, np.zeros(3), force, stiffness)
     limits, seen, findings = _at_home(limits, known, home, progress)
     found: Plan | MovingPlan
@@ -179,14 +179,17 @@ def plan(
     return PlanResult(found, one(output), findings)
 
 
-def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> FloatArray:
-    """Half ranges (n, 3), m, from support → (all axes,) or (x, y, z); None is every support.
+def travel_limits(rig: Rig, travel: float | str | Sequence[str | float]) -> FloatArray:
+    """Half ranges (n, 3), m, by entries [NCP=]M[,M,M]; without an NCP they are of all.
 
     Raises UsageError for an unknown support or an impossible range.
     """
-    travel = np.full((rig.n, 3), np.inf)
-    for name, value in sorted(entries.items(), key=lambda item: item[0] is not None):
-        if name is not None and name not in rig.supports:
+    each = [travel] if isinstance(travel, str | float | int) else travel
+    entries = {name: value for name, _, value in (str(text).rpartition("=") for text in each)}
+    found = np.full((rig.n, 3), np.inf)
+    for name, text in sorted(entries.items()):  # of all first
+        value = numbers("--travel", text)
+        if name and name not in rig.supports:
             hint = f"the rig has {', '.join(rig.supports)}"
             raise UsageError(f"there is no support {name!r}", where="--travel", hint=hint)
         if len(value) not in (1, 3):
@@ -195,18 +198,26 @@ def travel_limits(rig: Rig, entries: dict[str | None, tuple[float, ...]]) -> Flo
             )
         if not min(value) >= 0.0:
             raise UsageError("a range is negative", where="--travel", hint="give metres")
-        travel[slice(None) if name is None else rig.supports.index(name)] = value
-    return travel
+        found[rig.supports.index(name) if name else slice(None)] = value
+    return found
 
 
 def _at_home(
     limits: Limits, rig: LoadedRig, home: Numbers | None, progress: Progress
 ) -> tuple[Limits, Dwells | None, tuple[Finding, ...]]:
-    """Put the limits about the home: where a recording stands, unless it is named."""
+    """Put the limits about the home, unless it is named: the mean of what lies beside the rig file.
+
+    Of its dwells, or along the motion where nothing rests.
+    """
     if home is not None:
         return replace(limits, home=np.array(triple("--home", home))), None, ()
     try:
-        seen, centres = _recorded(rig, progress)
+        campaign = resolve([rig.path.parent], rig.path)
+        if not campaign.logs:
+            raise no_log(rig.path.parent)
+        log = LogPass(campaign, Settings(progress))
+        seen = log.dwells()
+        centres = (seen if len(seen) else log.moving()).position.mean(axis=0)
         (level,), (middle,) = register(rig.rig.hinge, centres[None])
     except TdfscalError as error:
         return limits, None, (Finding("home-unknown", values={"why": error.what}),)
@@ -217,25 +228,3 @@ def _noise(rig: Rig, seen: Dwells | None) -> float:
     """Noise of a posture, N per axis, as what is recorded shows it; else what is usual."""
     usual = 0.0 if rig.declared.force_noise else DEFAULT_NOISE
     return (scatter_of(at_rest(rig, seen), rig) or usual) if seen else usual
-
-
-def _recorded(rig: LoadedRig, progress: Progress) -> tuple[Dwells, FloatArray]:
-    """Dwells of what lies beside the rig file, and hinge centres (n, 3), m, BCS.
-
-    These are means over the dwells, or along the motion where nothing rests.
-    """
-    campaign = resolve([rig.path.parent], rig.path)
-    if not campaign.logs:
-        raise no_log(rig.path.parent)
-    log = LogPass(campaign, Settings(progress))
-    dwells = log.dwells()
-    seen = dwells if len(dwells) else log.moving()
-    return dwells, seen.position.mean(axis=0)
-
-
-def _travels(travel: float | str | Sequence[str | float]) -> dict[str | None, tuple[float, ...]]:
-    found = {}
-    for text in [travel] if isinstance(travel, str | float | int) else travel:
-        name, equals, value = str(text).rpartition("=")
-        found[name if equals else None] = numbers("--travel", value)
-    return found

@@ -112,11 +112,6 @@ class Unusable(dict[str, TdfscalError]):
             self[name] = error.restated(where=where)
 
     @property
-    def first(self) -> TdfscalError:
-        """What is wrong with the first, to be raised where nothing is left to judge."""
-        return next(iter(self.values()))
-
-    @property
     def findings(self) -> tuple[Finding, ...]:
         """Name them, each with why; the result wants them."""
         return tuple(

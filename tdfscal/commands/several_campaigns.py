@@ -207,7 +207,7 @@ def calibrate_several(
     known, before = [earlier] if earlier else [], earlier.recordings() if earlier else ()
     reads, unusable = usable_campaigns(groups, settings, rig, known, before)
     if not reads:
-        raise unusable.first
+        raise next(iter(unusable.values()))
     _check([one.read for one in reads], earlier)
     settings.progress(f"pooling {len(reads)} campaigns")
     last = [one for one in reads if one.read.dwells is not None][-1]

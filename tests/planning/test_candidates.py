@@ -57,11 +57,11 @@ def test_weight_beyond_a_limit_is_named() -> None:
 
 def test_travel_by_support() -> None:
     rig = reference_rig()
-    travel = travel_limits(rig, {"ncp2": (0.1, 0.2, 0.3), None: (0.05,)})
+    travel = travel_limits(rig, ["ncp2=0.1,0.2,0.3", 0.05])
     assert travel.tolist() == [[0.05] * 3, [0.1, 0.2, 0.3], [0.05] * 3]
     with pytest.raises(UsageError, match=r"no support 'ncp9'.*ncp1, ncp2, ncp3"):
-        travel_limits(rig, {"ncp9": (0.1,)})
+        travel_limits(rig, "ncp9=0.1")
     with pytest.raises(UsageError, match="2 ranges"):
-        travel_limits(rig, {None: (0.1, 0.2)})
+        travel_limits(rig, "0.1,0.2")
     with pytest.raises(UsageError, match="negative"):
-        travel_limits(rig, {None: (-0.1,)})
+        travel_limits(rig, -0.1)
