@@ -1,7 +1,7 @@
 """The evidence behind a calibration, which a report draws and `update` and `compare` go by."""
 
 from collections.abc import Sized
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from pydantic import model_validator
@@ -121,7 +121,7 @@ class LimitedResult(Strict):
     expanded: kind.NotNegative = key("uncertainty of the length, coverage 95.45 %")
     limit: kind.NotNegative | None = key("the rig file's; null where it states none", None)
     exceeding: kind.Probability = key("that the error is beyond the limit")
-    conforms: Any = key("of release 1.0, which wrote what follows from the two", None)
+    conforms: kind.Flag | None = key("of release 1.0: what follows from the two", None)
 
 
 class ConformityResult(Strict):

@@ -241,7 +241,9 @@ class ObservabilityResult(Strict):
     """The verdict in words and numbers."""
 
     verdict: kind.Text = key("one sentence")
-    angles: Any = key("of release 1.0, which wrote what `supports` says a second time", None)
+    angles: tuple[dict[kind.Name, kind.Flag | kind.Number | kind.Text | None], ...] | None = key(
+        "of release 1.0, which wrote what `supports` says a second time", None
+    )
     with_moves: kind.NotNegative | None = key("rad: mean to expect with --samples all", None)
     forecasts: tuple[ForecastResult, ...] = key("what changes would bring", ())
 
