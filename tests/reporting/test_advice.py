@@ -42,14 +42,16 @@ def test_so_it_does_for_every_other_fault(name: str) -> None:
         _check(name)
 
 
-@pytest.mark.parametrize("channel", ["NCP1_ActPosY", "TDFS2_Fy", "TDFS1_Fx TDFS3_Fz"])
+@pytest.mark.parametrize("channel", ["NCP1_ActPosY", "TDFS2_Fy", "TDFS1_Fx TDFS3_Fz", "1 2 1 2"])
 def test_the_line_that_a_refusal_writes_mends_the_rig_file(
     channel: str, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
-    """An axis of opposite sign, in a log whose lengths are in mm."""
+    """An axis of opposite sign, or two whole supports exchanged; in a log of lengths in mm."""
     folder = Path(__file__).parents[2] / "sample_data" / "csv"
     head, *rows = csv.reader((folder / "log.csv").read_text().splitlines())
     sign = [-1.0 if name in channel.split() else 1.0 for name in head]
+    if channel[0] == "1":
+        head = [re.sub("(NCP|TDFS)([12])_", lambda m: f"{m[1]}{3 - int(m[2])}_", h) for h in head]
     turned = [[s * float(cell) for s, cell in zip(sign, row, strict=True)] for row in rows]
     with (tmp_path / "log.csv").open("w", newline="") as file:
         csv.writer(file).writerows([head, *turned])
@@ -58,7 +60,7 @@ def test_the_line_that_a_refusal_writes_mends_the_rig_file(
     (tmp_path / "rig.yaml").write_text(yaml.safe_dump(rig))
     with pytest.raises(DataError) as caught:
         calibrate(tmp_path, trials=0)
-    lines = re.findall(r"`log.supports.(\w+).(\w+): (\[[-0-9., ]+\])`", str(caught.value))
+    lines = re.findall(r"`log.supports.(\w+).(\w+): (\[[-\w., ]+\])`", str(caught.value))
     assert len(lines) == len(channel.split())
     for name, key, factors in lines:
         rig["log"]["supports"][name][key] = yaml.safe_load(factors)
