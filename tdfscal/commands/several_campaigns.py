@@ -29,7 +29,7 @@ from tdfscal.commands.result import Calibration
 from tdfscal.comparison.history import Life, below_alarm, life_of
 from tdfscal.comparison.members import Recorded
 from tdfscal.comparison.pooling import Pool, pool
-from tdfscal.errors import DataError, TdfscalError, UsageError
+from tdfscal.errors import DataError, NotIdentifiableError, TdfscalError, UsageError
 from tdfscal.estimation.exact_quantities import exact_quantities, with_unmoved
 from tdfscal.files.calibration.compared import defects
 from tdfscal.files.calibration.evidence import CampaignResult
@@ -175,10 +175,13 @@ def calibrate_informed(read: Read, informed: Rig, trials: int | None) -> Own:
         if own is None or len(read.dwells):
             rng = np.random.default_rng(0).spawn(2)[0]
             stage = read.log.progress
-            still = self_calibrate(
-                informed, read.dwells, rng=rng, max_trials=trials, progress=stage
-            )
-            own = still if own is None else min(own, still, key=_zero_std)
+            # A motion that tells needs no dwells that do not.
+            with suppress(*([NotIdentifiableError] if own else [])):
+                still = self_calibrate(
+                    informed, read.dwells, rng=rng, max_trials=trials, progress=stage
+                )
+                own = still if own is None else min(own, still, key=_zero_std)
+    assert own is not None
     named = (
         replace(f, values={**f.values, "campaign": read.name}) if f.code in SUSPECTS else f
         for f in own.findings

@@ -121,6 +121,14 @@ def test_rests_and_moves_together_are_never_wider(tmp_path: Path) -> None:
     assert any("--samples all" in sentence for sentence in advise(dwells))
 
 
+def test_an_approach_goes_on_from_what_is_known(minute: Path, tmp_path: Path) -> None:
+    """On another rig, whose two stops fit two mountings: its moves tell, and all sensors turned."""
+    tdfscal.simulate(tmp_path / "two", scenario="approach", format="parquet", rate=100.0, seed=3)
+    updated = tdfscal.update(tdfscal.calibrate(minute, trials=0), tmp_path / "two", trials=0)
+    assert {found.code for found in updated.reasons} == {"campaigns-changed"}
+    assert updated.motion is not None
+
+
 def test_two_postures_are_said_to_be_too_few(tmp_path: Path) -> None:
     """At rest two mountings explain them; their moves stand for them, and say for how many."""
     tdfscal.simulate(tmp_path, postures=2, format="parquet", rate=50.0)
