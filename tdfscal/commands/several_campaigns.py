@@ -176,7 +176,7 @@ def calibrate_informed(read: Read, informed: Rig, trials: int | None) -> Own:
             rng = np.random.default_rng(0).spawn(2)[0]
             stage = read.log.progress
             # A motion that tells needs no dwells that do not.
-            with suppress(*([NotIdentifiableError] if own else [])):
+            with suppress(*([DataError, NotIdentifiableError] if own else [])):
                 still = self_calibrate(
                     informed, read.dwells, rng=rng, max_trials=trials, progress=stage
                 )
