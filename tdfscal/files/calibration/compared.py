@@ -199,7 +199,7 @@ def defects(name: str, c: Calibration, papers: Rig | None = None) -> tuple[Findi
     """
     before = overdue(c.rig.record(), c.measured.end[:10], name)
     ended = {found.subject for found in before}
-    now = overdue(papers or c.rig.record(), instant(time.time())[:10], "today")
+    now = overdue(papers or c.rig.record(), instant(time.time())[:10])
     since = (found for found in now if found.subject not in ended)
     return (*below_accepted(name, c), *unsealed(name, c), *before, *since)
 
