@@ -29,20 +29,15 @@ _VOUCHED, _UNEVEN = 0.1, 0.5  # s; of an offset that is no other one of seconds,
 
 def is_large(offset: Line) -> bool:
     """Beyond `LARGE` somewhere in the log, and not by chance."""
-    running = _runs(offset)
+    running = abs(offset.rate) > _CERTAIN * offset.rate_std
     most = abs(offset.seconds) + (0.5 * offset.span * abs(offset.rate) if running else 0.0)
     return most > LARGE and (running or abs(offset.seconds) > _CERTAIN * offset.std)
-
-
-def _runs(offset: Line) -> bool:
-    """Whether the clocks run apart, and not by chance."""
-    return abs(offset.rate) > _CERTAIN * offset.rate_std
 
 
 def offset_finding(offset: Line) -> Finding:
     """What the moves say of the offset, time of the forces less that of the positions."""
     values: dict[str, Value] = {"moves": offset.moves, "std": offset.std}
-    if _runs(offset):
+    if abs(offset.rate) > _CERTAIN * offset.rate_std:  # they run apart, and not by chance
         half = 0.5 * offset.span * offset.rate
         values |= {"ppm": 1e6 * offset.rate, "ppm_std": 1e6 * offset.rate_std}
         values |= {"begin": offset.seconds - half, "end": offset.seconds + half}

@@ -123,7 +123,11 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
     n = np.maximum(own.count, 1)
     # All dwells together: one dwell that sits amid a step shows no scatter, whatever the noise.
     typical = own.scatter.mean(axis=0) if extents else np.zeros(shape[1:])
-    rounding = _rounding(typical, bins.quantum)
+    # Of the mean, (S, 3), by rounding to multiples of the quantum.
+    step = bins.quantum**2
+    noise = np.maximum(typical - step / 12.0, 0.0)
+    relative = np.divide(noise, step, out=np.full(noise.shape, np.inf), where=step > 0)
+    rounding = step / 12.0 * np.exp(-4.0 * np.pi**2 * relative)
     variance = np.asarray(np.diagonal(zero, axis1=2, axis2=3))
     total = variance.sum(axis=2)
     share = np.divide((level * ratio).sum(axis=2), total, out=np.ones(shape[:2]), where=total > 0)
@@ -139,13 +143,6 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
         low=own.low,
         high=own.high,
     )
-
-
-def whole_range(bins: Bins) -> FloatArray:
-    """Smallest and largest force sample of the whole log, (2, n, 3), N."""
-    middle = bins.mean.transpose(1, 2, 0)[bins.low.shape[1] :]
-    low, high = (x.transpose(1, 2, 0) for x in (bins.low, bins.high))
-    return np.stack([np.nanmin(middle + low, axis=2), np.nanmax(middle + high, axis=2)])
 
 
 def still_since(bins: Bins) -> FloatArray:
@@ -222,14 +219,6 @@ def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:
         low[k] = np.fmin.reduce(axes[n:, :, some] + lowest[..., some], axis=2)
         high[k] = np.fmax.reduce(axes[n:, :, some] + highest[..., some], axis=2)
     return _Own(mean, scatter, count, drift, length, low, high)
-
-
-def _rounding(scatter: FloatArray, quantum: FloatArray) -> FloatArray:
-    """(S, 3), variance of the mean that rounding to multiples of quantum adds."""
-    step = quantum**2
-    noise = np.maximum(scatter - step / 12.0, 0.0)
-    relative = np.divide(noise, step, out=np.full(scatter.shape, np.inf), where=step > 0)
-    return np.asarray(step / 12.0 * np.exp(-4.0 * np.pi**2 * relative))
 
 
 def _pooled(scatter: FloatArray, count: IntArray) -> FloatArray:

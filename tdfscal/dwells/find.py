@@ -17,7 +17,6 @@ from tdfscal.dwells.dwell_means import (
     Thermometer,
     dwell_moments,
     still_since,
-    whole_range,
 )
 from tdfscal.dwells.field import SHORTEST, Field, prepare, within
 from tdfscal.dwells.noise_level import runs
@@ -108,6 +107,7 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
     bins, n = field.bins, len(field.bins.supports)
     moments = dwell_moments(bins, extents)
     found = _drifts(field, extents, moments)
+    middle, low, high = (x.transpose(1, 2, 0) for x in (bins.mean[:, n:], bins.low, bins.high))
     if wrong := [out.start for out in left_out if out.reason.code == INTERRUPTED]:
         found.append(Finding("readings-return", size=len(wrong), values={"first": min(wrong)}))
     return Dwells(
@@ -124,7 +124,7 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
         effective=moments.effective[:, n:],
         left_out=tuple(sorted(left_out, key=lambda out: out.start)),
         findings=tuple(found),
-        force_range=whole_range(bins),
+        force_range=np.stack([np.nanmin(middle + low, axis=2), np.nanmax(middle + high, axis=2)]),
         force_still=still_since(bins),
     )
 

@@ -216,7 +216,12 @@ def evened(forces: Signals, moving: BoolArray) -> Signals:
     rests = [slice(a, b) for a, b in zip(first, last, strict=True) if b - a >= _BENDS + 2]
     if not rests:
         return forces
-    own = np.array([_lower_quartile(forces.value[:, rest]) for rest in rests])
+    own = np.empty((len(rests), len(forces.value)))
+    for level, rest in zip(own, rests, strict=True):
+        inside = forces.value[:, rest]
+        step = max((inside.shape[1] - 2) // _SOME_BENDS, 1)
+        bend = np.abs(inside[:, 2::step] - 2 * inside[:, 1:-1:step] + inside[:, :-2:step])
+        level[:] = np.sort(bend, axis=1)[:, bend.shape[1] // 4]
     most = np.median(own, axis=0)
     value = forces.value
     for rest, noise in zip(rests, own, strict=True):
@@ -229,14 +234,6 @@ def evened(forces: Signals, moving: BoolArray) -> Signals:
             share = (most[louder] / noise[louder])[:, None]
             value[louder, rest] = level + share * (value[louder, rest] - level)
     return replace(forces, value=value)
-
-
-def _lower_quartile(value: FloatArray) -> FloatArray:
-    """(A,) of the second differences of (A, N), from a share of them where there are many."""
-    step = max((value.shape[1] - 2) // _SOME_BENDS, 1)
-    bend = value[:, 2::step] - 2 * value[:, 1:-1:step] + value[:, :-2:step]
-    some = np.sort(np.abs(bend), axis=1)
-    return np.asarray(some[:, some.shape[1] // 4])
 
 
 def without_creep(noise: Noise) -> Noise:

@@ -136,29 +136,20 @@ def together(spectra: Sequence[Spectrum]) -> Ordinates | None:
     if length < _SHOWS_SLOW:
         none: list[list[SlowNoise | None]] = [[None] * 3 for _ in amplitude]
         return Ordinates(frequency, amplitude, _shape(covariance, length, frequency), none)
-    half = len(amplitude) // 2  # positions, then forces
-    slow = [
-        *_slow(frequency, amplitude[:half], length),
-        *_slow(frequency, amplitude[half:], length),
-    ]
-    return Ordinates(frequency, amplitude, None, slow)
-
-
-def _slow(
-    frequency: FloatArray, amplitude: FloatArray, length: float
-) -> list[list[SlowNoise | None]]:
-    """Noise slower than a run, of each axis of streams of one kind, (S, 3)."""
-    low = int(np.searchsorted(frequency, _UNBINNED))
-    frequency, power = frequency[:low], (amplitude[..., :low] ** 2).reshape(-1, low)
-    slow = slow_noise(frequency, power, length)
-    flat = [
-        _widest_flat_band(frequency, own / one.spectrum(frequency))[1] == low
-        for own, one in zip(power, slow, strict=True)
-        if one is not None
-    ]
-    if sum(flat) <= len(flat) / 2:  # vibration, or something else
-        slow = [None] * len(slow)
-    return [slow[k : k + 3] for k in range(0, len(slow), 3)]
+    # Axes of one kind together: positions, then forces.
+    low, kinds = int(np.searchsorted(frequency, _UNBINNED)), list[SlowNoise | None]()
+    for kind in np.split(amplitude[..., :low] ** 2, 2):
+        power = kind.reshape(-1, low)
+        slow = slow_noise(frequency[:low], power, length)
+        flat = [
+            _widest_flat_band(frequency[:low], own / one.spectrum(frequency[:low]))[1] == low
+            for own, one in zip(power, slow, strict=True)
+            if one is not None
+        ]
+        # Else vibration, or something else.
+        kinds += slow if sum(flat) > len(flat) / 2 else [None] * len(slow)
+    each = [kinds[k : k + 3] for k in range(0, len(kinds), 3)]
+    return Ordinates(frequency, amplitude, None, each)
 
 
 def density(

@@ -115,6 +115,10 @@ def settled_part(
 ) -> Settled | None:
     """Cut both ends of [begin, end) until they fit the rest; None where nothing is left.
 
+    Then further until what remains of a decay shifts no mean by more than a fraction of its se: a
+    tail too small to see in itself still shifts a long mean, so the decay is measured where it is
+    visible, y = c + a e^{−t/τ} with one τ for all axes, and extrapolated.
+
     origin : bin where the NCPs came to rest. shortest : bins. left : bias that ringing may leave.
     rough : leave it at what is seen, without extrapolating a decay.
     """
@@ -134,7 +138,25 @@ def settled_part(
     decay = None if rough else _fit_decay(stretch, visible, end)
     if decay is None and left is None:
         return Settled(begin, end)
-    return _without_decay(stretch, begin, end, shortest, visible, decay, left)
+    long_run = stretch.long_run[stretch.forces :]
+    start = np.arange(begin, max(end - shortest, begin) + 1)
+    length = end - start
+    square = np.zeros(len(start))
+    if decay is not None:
+        tau, size = decay
+        worst = np.divide(size, long_run, out=np.zeros_like(size), where=long_run > 0).max()
+        # Σ e^{−t/τ} over [start, end), over the standard error of a sum of as many bins.
+        total = np.exp(-(start - visible) / tau) * -np.expm1(-length / tau) / -np.expm1(-1.0 / tau)
+        square += (worst * total) ** 2 / length
+    if left is not None:
+        bias = left(start, end)
+        relative = np.divide(bias, long_run, out=np.zeros_like(bias), where=long_run > 0)
+        square += relative.max(axis=1) ** 2 * length
+    ratio = np.sqrt(square)
+    # Least mean square error of the mean, (1 + ratio²) / length, among the starts that will do.
+    error = np.where(ratio <= max(_BIAS, ratio.min()), (1.0 + square) / length, np.inf)
+    best = int(np.argmin(error))
+    return Settled(int(start[best]), end, float(ratio[best]))
 
 
 def one_level(stretch: Stretch, a: Settled | Extent, b: Settled | Extent, p: float) -> bool:
@@ -161,41 +183,6 @@ def _misfits(stretch: Stretch, begin: int, end: int) -> tuple[int, int]:
     misfit = stretch.misfit(windows, variance, SETTLING_CUT)
     head, tail = np.where(misfit.any(axis=1), lengths[misfit.argmax(axis=1)], 0).tolist()
     return head, tail
-
-
-def _without_decay(
-    stretch: Stretch,
-    begin: int,
-    end: int,
-    shortest: int,
-    visible: int,
-    decay: tuple[float, FloatArray] | None,
-    left: Left | None,
-) -> Settled:
-    """Cut further until what remains of a decay shifts no mean by more than a fraction of its se.
-
-    A tail too small to see in itself still shifts a long mean, so the decay is measured where it
-    is visible: y = c + a e^{−t/τ} from bin `visible` on, one τ for all axes, and extrapolated.
-    """
-    long_run = stretch.long_run[stretch.forces :]
-    start = np.arange(begin, max(end - shortest, begin) + 1)
-    length = end - start
-    square = np.zeros(len(start))
-    if decay is not None:
-        tau, size = decay
-        worst = np.divide(size, long_run, out=np.zeros_like(size), where=long_run > 0).max()
-        # Σ e^{−t/τ} over [start, end), over the standard error of a sum of as many bins.
-        total = np.exp(-(start - visible) / tau) * -np.expm1(-length / tau) / -np.expm1(-1.0 / tau)
-        square += (worst * total) ** 2 / length
-    if left is not None:
-        bias = left(start, end)
-        relative = np.divide(bias, long_run, out=np.zeros_like(bias), where=long_run > 0)
-        square += relative.max(axis=1) ** 2 * length
-    ratio = np.sqrt(square)
-    # Least mean square error of the mean, (1 + ratio²) / length, among the starts that will do.
-    error = np.where(ratio <= max(_BIAS, ratio.min()), (1.0 + square) / length, np.inf)
-    best = int(np.argmin(error))
-    return Settled(int(start[best]), end, float(ratio[best]))
 
 
 def _fit_decay(stretch: Stretch, begin: int, end: int) -> tuple[float, FloatArray] | None:
