@@ -22,8 +22,7 @@ from tdfscal.estimation.uncertainty import Estimate, F, Uncertainty
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import field, record, replace
 from tdfscal.model.parameters import layout
-from tdfscal.numerics import least_squares
-from tdfscal.numerics.least_squares import Asked
+from tdfscal.numerics.least_squares import ask
 from tdfscal.records import ANGLES, BoolArray, Drift, FloatArray, Rig
 from tdfscal.significance import (
     CAUSES_APART,
@@ -228,40 +227,24 @@ def speaking(
     others = (1 - UNDECLARED_GRAVITY_SHARE - other) / max(1, len(suspects) - 1)
     p, found = int(fit.active.sum()), list[Suspicion]()
     share = dof / max(fit.rows, 1)  # of the noise, that the fit leaves in the residual
-    given = parts.root[:p].T @ fit.noise_pull[fit.active]
+    pulled = parts.left.T @ residual - share * parts.root[:p].T @ fit.noise_pull[fit.active]
     for group, index, columns, unit, own in suspects:
         level = UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
         known = parts.left.T @ columns
-        apart = columns - parts.left @ known
-        lean = share * (own - known.T @ given)
-        asked = ask(apart, columns, residual, lean)
+        whole = columns.T @ columns
+        score = columns.T @ residual - share * own - known.T @ pulled
+        floor = NOISE_ONLY * max(float(np.trace(whole)), np.finfo(float).tiny)
+        asked = ask(whole - known.T @ known, score, floor)
         p_value = asked.p_value(chi2, dof)
         if p_value > level:
             continue
-        # The other parameters, angles among them, give way to the suspect's amount.
-        move = -parts.root[:p] @ (known @ asked.amount)
+        # The other parameters, angles among them, give way to what removes the residual.
+        move = parts.root[:p] @ (known @ asked.amount)
         size, weight = float(np.abs(asked.amount * unit).max()), asked.weight(fit.rows)
         doubt = suspicion(fit.rig, of.uncertainty, group, index, size, move, p_value, weight)
         zero_shift, zero = worst_zero(fit.rig, of.uncertainty, fit.active, move)
         found.append(replace(doubt, zero_shift=zero_shift, zero=zero, move=move))
     return found
-
-
-def ask(
-    apart: FloatArray,
-    columns: FloatArray,
-    residual: FloatArray,
-    lean: FloatArray | float = 0.0,
-    seen_from: float = NOISE_ONLY,
-) -> Asked:
-    """Score of columns G, `apart` of them beyond the fit's; lean : the score that noise makes.
-
-    The amount is what removes the residual e: −A⁺s, s = Gᵀe, A = GᵀG.
-    seen_from : share of the columns' size that has to stand out of the fit's.
-    """
-    floor = seen_from * max(float(np.sum(columns**2)), np.finfo(float).tiny)
-    found = least_squares.ask(apart.T @ apart, apart.T @ residual - lean, floor)
-    return replace(found, amount=-found.amount)
 
 
 def moving_zeros(group: str, columns: FloatArray, unit: float) -> Iterator[Suspect]:

@@ -10,8 +10,8 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.estimation.fit import Priors, factored_information, information
+from tdfscal.estimation.judged import ChangeSearch
 from tdfscal.estimation.observation import eliminate, stated
-from tdfscal.estimation.score_tests import ask
 from tdfscal.estimation.uncertainty import Estimate, estimate
 from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import prior_std, with_motions
@@ -107,8 +107,9 @@ def test_a_score_is_the_fall_of_chi_square(known: Estimate[Any]) -> None:
     """Rao's statistic of further columns, against least squares with and without them."""
     residual, J = known.fit.whitened()
     columns = np.random.default_rng(0).standard_normal((len(J), 2))
-    apart = columns - known.parts.left @ (known.parts.left.T @ columns)
-    asked = ask(apart, columns, residual)
+    search = ChangeSearch(known.parts.root, len(J), known.parts.left.T @ residual)
+    sums = ((columns.T @ each)[None] for each in (J, columns, residual))
+    asked = search.likeliest("zero", 0, *sums)
     left = []
     for rows in (J, np.concatenate([J, columns], axis=1)):
         size = np.linalg.norm(rows, axis=0)
