@@ -29,7 +29,7 @@ from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import free_constants, of_load, same_load
-from tdfscal.model.parameters import LOAD, State, retract
+from tdfscal.model.parameters import State
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Information, contrast, nothing
 from tdfscal.records import ExactMoves, FloatArray, IntArray, Rig
@@ -63,10 +63,6 @@ class Common:
         rest = known.without(other)
         return Information(rest.matrix[np.ix_(at, at)], rest.score[at])
 
-    def load(self, index: int) -> IntArray:
-        """Places of a campaign's terminal."""
-        return self.places[index][of_load(self.rigs[index])]
-
     def stated(self, references: Sequence[State]) -> Information:
         """What the rig files state of them, counted once, about each campaign's reference."""
         out = nothing(self.size)
@@ -75,10 +71,6 @@ class Common:
             at = self.places[k]
             out.matrix[at], out.score[at] = own.matrix[at], own.score[at]
         return out
-
-    def moved(self, references: Sequence[State], move: FloatArray) -> list[State]:
-        """Return the references after a step (C,) of the common parameters."""
-        return [retract(reference, self.step(k, move)) for k, reference in enumerate(references)]
 
     def step(self, index: int, move: FloatArray) -> FloatArray:
         """Step (P,) of one campaign's parameters by one of the common ones."""
@@ -106,11 +98,6 @@ def common(rigs: Sequence[Rig]) -> Common:
         size += len(new) * (k > 0)
         places.append(at)
     return Common(tuple(rigs), size, tuple(places), tuple(terminal))
-
-
-def with_load(reference: State, of: State) -> State:
-    """Return the reference with another state's terminal."""
-    return replace(reference, **{group: getattr(of, group) for group in LOAD})
 
 
 #: Sources of the budget that are of the rig, or of a terminal: one error in all campaigns.

@@ -16,7 +16,7 @@ from tdfscal.comparison.members import added_to
 from tdfscal.comparison.pooling import Pool
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import turned
+from tdfscal.model.calibrated import of_load, turned
 from tdfscal.model.parameters import EVEN_TURN, State
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import normal_quantile
@@ -259,7 +259,7 @@ def life_of(rig: Rig, pooled: Pool) -> tuple[Life, list[Finding]]:
     fits, told = list[tuple[float, int]](), _determined(rig, pooled)
     for k, m in enumerate(pooled.members):
         own = m.own if told.all() else added_to(rig, m.own + prior, prior, told)
-        checks.append(Check(m.name, m.month, own, shared.load(k)))
+        checks.append(Check(m.name, m.month, own, shared.places[k][of_load(shared.rigs[k])]))
         fits.append(replace(m, reduced=replace(m.reduced, information=own)).within(prior))
     birge = _scatter(fits)
     least = float(birge.min())

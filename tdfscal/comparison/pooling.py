@@ -17,7 +17,6 @@ from tdfscal.comparison.common import (
     common,
     others_move,
     sources_together,
-    with_load,
 )
 from tdfscal.comparison.members import EarlierCalibration, Recorded
 from tdfscal.estimation.fit import Priors
@@ -25,7 +24,7 @@ from tdfscal.estimation.observation import Observation, unstated
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import free_constants, joint_prior, loosened, turned
-from tdfscal.model.parameters import State, nominal, placed, with_motions
+from tdfscal.model.parameters import State, nominal, placed, retract, with_motions
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Contrast, Information, contrast
 from tdfscal.records import ExactMoves, FloatArray, JointPrior, Rig
@@ -176,13 +175,13 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
             break
         posterior = walk.others()[-1] + walk.own[-1]
         move = posterior.mean
+        steps_of = [shared.step(k, move) for k in range(len(ordered))]
+        each = zip(ordered, fits, reduced, references, steps_of, strict=True)
         fits = [
-            None if at is None else item.moved(at, part, reference, shared.step(k, move), move)
-            for k, (item, at, part, reference) in enumerate(
-                zip(ordered, fits, reduced, references, strict=True)
-            )
+            None if at is None else item.moved(at, part, reference, step, move)
+            for item, at, part, reference, step in each
         ]
-        references = shared.moved(references, move)
+        references = [retract(*pair) for pair in zip(references, steps_of, strict=True)]
         settled = bool(np.all(np.abs(move) < _SETTLED * np.sqrt(np.diag(posterior.covariance))))
     members = [
         _member(shared, k, item, fits[k], reduced[k], references[k], rejected[k], known, walk.prior)
@@ -245,7 +244,8 @@ def _first_round(
             state = with_motions(robust.fit.state, 0)
         if known is None:
             assert state is not None
-            references = [with_load(state, nominal(one.rig)) for one in ordered]
+            loads = (nominal(one.rig) for one in ordered)
+            references = [replace(state, mass=x.mass, barycentre=x.barycentre) for x in loads]
             known = shared.stated(references)
         known = known + shared.embedded(k, item.observed(fits[k], references[k]).information)
     turns = _turns(ordered, [fits[k] for k in order], references[0].rotation)
