@@ -1,4 +1,4 @@
-"""Messages by topic in one buffer, as an MCAP file has them; paths to their numbers.
+"""Messages by topic in one buffer, as an MCAP file has them; paths to their numbers; JSON.
 
 The paths are Foxglove's: `/topic.field.sub`, `[0]` for an element, `[name]` for a joint. `.0` and
 `.name` say the same and need no quotes in YAML.
@@ -6,9 +6,10 @@ The paths are Foxglove's: `/topic.field.sub`, `[0]` for an element, `[name]` for
 
 from __future__ import annotations
 
+import json
 import re
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence, Set
 from typing import Any, Final
 
 import numpy as np
@@ -80,6 +81,8 @@ def gather(data: bytes, offset: IntArray, dtype: str) -> np.ndarray[Any, Any]:
     return np.ndarray((places,), kind, data, 0, (1,))[offset]
 
 
+MAX_DEPTH: Final = 8
+"""Of what is listed of a message."""
 _PLAIN = re.compile(r"[A-Za-z_]\w*")
 _STEP = re.compile(
     r"\.(?P<field>[A-Za-z_]\w*)|\.(?P<place>\d{1,9})(?=[.\[]|$)|\[(?P<index>\d{1,9})\]|\[(?P<key>[^\[\]]+)\]"
@@ -110,6 +113,16 @@ class Leaf:
     kind: str
     axes: tuple[Path, ...] = ()
     label: str = ""
+
+
+def struct_leaf(path: Path, kind: str) -> Leaf:
+    """A field that has x, y, z."""
+    return Leaf(path, kind, tuple((*path, axis) for axis in "xyz"))
+
+
+def has_axes(members: Set[str]) -> bool:
+    """Tell whether fields of these names make a vector, which a quaternion is not."""
+    return {"x", "y", "z"} <= members and "w" not in members
 
 
 def topic_of(path: str, topics: Iterable[str]) -> str | None:
@@ -149,3 +162,87 @@ def path_text(steps: Path) -> str:
         else f"[{name}]"
         for step, name in zip(steps, names, strict=True)
     )
+
+
+_STAMPS: Final = (("header", "stamp"), ("timestamp",), ("header", "timestamp"))
+_PARTS: Final = (("sec", "nanosec"), ("sec", "nsec"), ("seconds", "nanos"))
+_LARGEST: Final = 4 << 20  # bytes
+
+
+class Json:
+    """Messages in JSON; their type does not say whether they have a header with a time."""
+
+    stamped: bool | None = None
+
+    def leaves(self, first: bytes) -> Iterator[Leaf]:
+        """What there is in a message."""
+        yield from _leaves(_parsed(first), (), 0)
+
+    def checked(self, path: Path) -> Path:
+        """The path as the messages have it."""
+        return path
+
+    def reader(self, paths: Sequence[Path], *, stamped: bool) -> Read:
+        """Return what reads (N, number of paths); with `stamped` the header's time, s, comes first.
+
+        That raises ValueError where a message is none, or lacks a number.
+        """
+
+        def read(messages: Messages) -> FloatArray:
+            rows = []
+            for k in range(messages.offset.size):
+                message = _parsed(messages.bytes_of(k))
+                time = [_stamp(message)] if stamped else []
+                rows.append([*time, *(_required(message, path) for path in paths)])
+            return np.array(rows, dtype=np.float64).reshape(len(rows), len(paths) + stamped)
+
+        return read
+
+
+def _parsed(content: bytes) -> Any:
+    if len(content) > _LARGEST:
+        raise ValueError(f"it has {len(content)} bytes")
+    try:
+        return json.loads(content)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+
+
+def _stamp(message: Any) -> float:
+    for path in _STAMPS:
+        for parts in _PARTS:
+            seconds, rest = (_number(message, (*path, part)) for part in parts)
+            if seconds is not None and rest is not None:
+                return seconds + rest * 1e-9
+    raise ValueError("it has no header.stamp, nor timestamp, with seconds and nanoseconds")
+
+
+def _required(message: Any, path: Path) -> float:
+    number = _number(message, path)
+    if number is None:
+        raise ValueError(f"it has no number at {path_text(path)}")
+    return number
+
+
+def _number(message: Any, path: Path) -> float | None:
+    node = message
+    for step in path:
+        if isinstance(node, dict) and isinstance(step, str):
+            node = node.get(step)
+        elif isinstance(node, list) and isinstance(step, int) and step < len(node):
+            node = node[step]
+        else:
+            return None
+    if isinstance(node, bool) or not isinstance(node, int | float):
+        return None
+    return float(node)
+
+
+def _leaves(value: Any, path: Path, depth: int) -> Iterator[Leaf]:
+    if not isinstance(value, dict) or depth == MAX_DEPTH:
+        yield Leaf(path, type(value).__name__)
+    elif has_axes(value.keys()):
+        yield struct_leaf(path, "object")
+    else:
+        for key, member in value.items():
+            yield from _leaves(member, (*path, str(key)), depth + 1)

@@ -173,8 +173,8 @@ class TopicLook:
         self._count = 0
         try:
             encoding = encoding_of(channel, schema)
-            self._leaves = list(islice(encoding.leaves(), _MAX_LEAVES))
-            if _NAMES in self._leaves:
+            self._leaves = list(islice(encoding.leaves(first.bytes_of(0)), _MAX_LEAVES))
+            if isinstance(encoding, Ros) and _NAMES in self._leaves:
                 self._leaves += _by_name(encoding, first.at(0), self._leaves)
             if paths := [path for leaf in self._leaves for path in leaf.axes]:
                 self._read = encoding.reader(paths, stamped=False)

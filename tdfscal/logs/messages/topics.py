@@ -1,4 +1,4 @@
-"""Which topic carries which signals, and how its messages are decoded: ROS by definitions."""
+"""Which topic carries which signals, and how its messages are decoded: ROS by definitions, JSON."""
 
 from __future__ import annotations
 
@@ -18,13 +18,17 @@ from tdfscal.errors import DataError
 from tdfscal.logs.clock import Skew
 from tdfscal.logs.log_file import Block, Piece, Request, missing_fields, reason
 from tdfscal.logs.messages.buffer import (
+    MAX_DEPTH,
+    Json,
     Leaf,
     Messages,
     Named,
     Path,
     Read,
+    has_axes,
     parse_steps,
     path_text,
+    struct_leaf,
     topic_of,
 )
 from tdfscal.logs.messages.cdr import Definitions, Gatherer, element_names
@@ -32,7 +36,6 @@ from tdfscal.records import FloatArray, IntArray
 
 _STAMP: Final[tuple[Path, Path]] = (("header", "stamp", "sec"), ("header", "stamp", "nanosec"))
 _SHOWN: Final = 12
-_MAX_DEPTH: Final = 8  # of what is listed of a message
 
 Decoder = Callable[[Messages], tuple[FloatArray, FloatArray]]
 """Messages of one channel → time (N,) in s, values (N, 3 · signals) as recorded."""
@@ -51,20 +54,22 @@ class Ros:
         except ValueError:
             self.stamped = False
 
-    def leaves(self, name: str = "", path: Path = ()) -> Iterator[Leaf]:
-        """What there is in messages of the type, or below a path that is of type `name`."""
-        name = name or self._name
+    def leaves(self, first: bytes) -> Iterator[Leaf]:
+        """What there is in messages of the type."""
+        yield from self._leaves(self._name, (), 0)
+
+    def _leaves(self, name: str, path: Path, depth: int) -> Iterator[Leaf]:
         members = dict(self._types.get(name, ()))
-        if {"x", "y", "z"} <= members.keys() and "w" not in members:  # no quaternion
-            yield Leaf(path, name, tuple((*path, axis) for axis in "xyz"))
+        if has_axes(members.keys()):
+            yield struct_leaf(path, name)
             return
-        if not members or len(path) == _MAX_DEPTH:
+        if not members or depth == MAX_DEPTH:
             yield Leaf(path, name)
             return
         for member, (kind, detail) in members.items():
             here = (*path, member)
             if kind == Nodetype.NAME:
-                yield from self.leaves(detail, here)
+                yield from self._leaves(detail, here, depth + 1)
             elif kind == Nodetype.BASE:
                 yield Leaf(here, detail[0])
             else:
@@ -163,11 +168,14 @@ def full_name(name: str) -> str:
     return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name
 
 
-def encoding_of(channel: Channel, schema: Schema | None) -> Ros:
+def encoding_of(channel: Channel, schema: Schema | None) -> Json | Ros:
     """Return how a channel's messages are read; raises ValueError where they are not."""
     encoding = channel.message_encoding
+    if encoding == "json":
+        return Json()
     if encoding not in ("cdr", "ros1"):
-        raise ValueError(f"messages are encoded as {encoding!r}; record ROS messages (cdr, ros1)")
+        what = f"messages are encoded as {encoding!r}"
+        raise ValueError(f"{what}; record ROS messages (cdr, ros1) or json")
     if schema is None:
         raise ValueError("the channel has no schema")
     return Ros(schema, encoding)
@@ -299,13 +307,13 @@ class Topics:
         except ValueError as error:
             raise DataError(str(error), where=where) from error
         wanted = self._request.mapping.time.source == "header"
-        if wanted and not encoding.stamped:
+        if wanted and encoding.stamped is False:
             raise DataError(
                 f"{schema.name if schema else 'its type'} has no header with a time",
                 where=where,
                 hint="state `time: {source: log}` in the log block of rig.yaml",
             )
-        stamped = encoding.stamped
+        stamped = wanted or encoding.stamped is True
         read = encoding.reader(paths, stamped=stamped)
         skew = self.skews.setdefault(channel.topic, Skew())
 
@@ -327,7 +335,7 @@ class Topics:
         seconds: FloatArray = ticks / 1e9
         return seconds
 
-    def _paths(self, topic: str, encoding: Ros) -> list[Path]:
+    def _paths(self, topic: str, encoding: Json | Ros) -> list[Path]:
         """Return three paths per signal of the topic; raises ValueError where one leads nowhere."""
         paths: list[Path] = []
         for number in self._signals[topic]:

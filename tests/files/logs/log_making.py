@@ -1,6 +1,7 @@
 """Campaigns of random numbers, written in every format by libraries other than tdfscal's reader."""
 
 import io
+import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +29,7 @@ def topics(force: str, **stated: Any) -> LogBlock:
 
 LOG_TIME = topics("wrench.wrench.force")
 MAPPING = topics("wrench.wrench.force", time={"source": "header"})
+JSON_MAPPING = topics("wrench.force")
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,7 @@ def definition(kind: str) -> bytes:
 def mcap_bytes(
     truth: Truth,
     *,
+    encoding: str = "cdr",
     frames: Sequence[str] = ("tdfs",),
     summary: bool = True,
     **how: Any,
@@ -113,10 +116,19 @@ def mcap_bytes(
     channels: dict[str, int] = {}
     for k, (seconds, topic, kind, cdr) in enumerate(events(truth, frames)):
         if topic not in channels:
-            schema = writer.register_schema(kind, "ros2msg", definition(kind))
-            channels[topic] = writer.register_channel(topic, "cdr", schema)
+            schema = ("ros2msg", definition(kind)) if encoding == "cdr" else ("jsonschema", b"{}")
+            channels[topic] = writer.register_channel(
+                topic, encoding, writer.register_schema(kind, *schema)
+            )
+        data = cdr
+        if encoding == "json":
+            message: Any = STORE.deserialize_cdr(cdr, kind)
+            point = "Point" in kind
+            three = message.point if point else message.wrench.force
+            numbers = {axis: getattr(three, axis) for axis in "xyz"}
+            data = json.dumps({"point" if point else "force": numbers, "k": k}).encode()
         ns = round(seconds * 1e6) * 1000
-        writer.add_message(channels[topic], ns, cdr, ns, k)
+        writer.add_message(channels[topic], ns, data, ns, k)
     writer.finish()  # type: ignore[no-untyped-call]
     return target.getvalue()
 
@@ -130,8 +142,10 @@ def small_mcap(
     writer.start()
     ids = {}
     for topic, (encoding, kind, schema) in channels.items():
-        own = writer.register_schema(kind, "ros2msg", schema)
-        ids[topic] = writer.register_channel(topic, encoding, own)
+        schema_encoding = "jsonschema" if encoding == "json" else "ros2msg"
+        ids[topic] = writer.register_channel(
+            topic, encoding, writer.register_schema(kind, schema_encoding, schema)
+        )
     for topic, ns, data in messages:
         writer.add_message(ids[topic], ns, data, ns - 5)
     writer.finish()  # type: ignore[no-untyped-call]

@@ -19,6 +19,7 @@ from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import is_log, read_log
 from tdfscal.logs.describe import describe_logs
 from tests.files.logs.log_making import (
+    JSON_MAPPING,
     MAPPING,
     SUPPORTS,
     Truth,
@@ -150,6 +151,7 @@ FORMS = {
         for summary in (True, False)
         for crc in (True, False)
     },
+    "json": mcap(mapping=JSON_MAPPING, encoding="json"),
     "two layouts": mcap(frames=("a", "bb")),
     "a long and an empty name": mcap(frames=("", "x" * 300)),
     "forty layouts": mcap(frames=tuple("x" * k for k in range(40))),
