@@ -76,7 +76,7 @@ BAD: list[tuple[str, str, Any]] = [
     ("rig", "supports.0.zero.std", -1),
     ("rig", "supports.0.zero.std", DROP),
     ("rig", "terminal.mass.std", "big"),
-    ("rig", "log.supports.ncp1.force", ["a", "b"]),
+    ("rig", "log.supports.ncp1.force", ["a", "b", "c", "d"]),
     ("calibration", "format", DROP),
     ("calibration", "status", "fine"),
     ("calibration", "supports.0.rpy", [0.0, 0.0]),
