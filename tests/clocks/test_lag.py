@@ -138,8 +138,7 @@ def test_a_campaign_that_repeats_itself_is_not_decided() -> None:
         find_clock(tracks(moves), tracks(loads), ClockPrior(), "daq")
     assert refused.value.exit_status == 4
     assert code(refused.value) == "recorder-clock-open"
-    stated = ClockPrior(UncertainValue(np.array(5.2), np.array(0.5)))
-    clock = find_clock(tracks(moves), tracks(loads), stated, "daq")
+    clock = find_clock(tracks(moves), tracks(loads), stated(5.2, 0.5), "daq")
     assert abs(clock.offset - 5.0) < 3.0 * clock.offset_std
 
 
@@ -149,6 +148,11 @@ def test_recordings_of_different_campaigns_are_refused() -> None:
     with pytest.raises(DataError) as refused:
         find_clock(tracks(moves), tracks(loads), ClockPrior(), "daq")
     assert code(refused.value) == "recorder-not-found"
+    with pytest.raises(DataError) as refused:  # of other times, and their moves tell nothing
+        find_clock(tracks(moves), tracks(loads), stated(5000.0, 0.5), "daq")
+    assert code(refused.value) == "recorders-overlap-nowhere"
+    assert refused.value.finding is not None
+    assert "likelier" not in refused.value.finding.values
 
 
 def test_a_stated_clock_is_believed_where_a_channel_is_missing() -> None:
@@ -158,8 +162,7 @@ def test_a_stated_clock_is_believed_where_a_channel_is_missing() -> None:
     part = tracks(replace(loads, force=(loads.force[0], dead, *loads.force[2:])))
     with pytest.raises(DataError):
         find_clock(tracks(moves), part, ClockPrior(), "daq")
-    stated = ClockPrior(UncertainValue(np.array(3.73), np.array(0.05)))
-    clock = find_clock(tracks(moves), part, stated, "daq")
+    clock = find_clock(tracks(moves), part, stated(3.73, 0.05), "daq")
     assert clock.offset == pytest.approx(3.73, abs=1e-3)
     assert clock.offset_std == pytest.approx(0.05, rel=1e-2)
 
@@ -235,14 +238,3 @@ def test_a_stated_offset_is_mended(
 ) -> None:
     clock = find_clock(*pair, stated(off - 81234.5, 0.5, rate_std), "daq")
     assert abs(clock.offset + 81234.5) < 3.0 * clock.offset_std
-
-
-def test_recorders_of_different_times_are_refused_by_what_is_stated() -> None:
-    """Their moves then tell nothing."""
-    moves, _ = recorded_apart(campaign("self", 5), Apart(), np.random.default_rng(1))
-    _, loads = recorded_apart(campaign("self", 6), Apart(), np.random.default_rng(1))
-    with pytest.raises(DataError) as refused:
-        find_clock(tracks(moves), tracks(loads), stated(5000.0, 0.5), "daq")
-    assert code(refused.value) == "recorders-overlap-nowhere"
-    assert refused.value.finding is not None
-    assert "likelier" not in refused.value.finding.values
