@@ -271,11 +271,24 @@ class _Binner:
             np.minimum(self.quantum[stream], smallest, out=self.quantum[stream])
 
 
-def _opening(pieces: Iterator[Log]) -> tuple[list[Log], FloatArray, float]:
-    """Pieces until each stream has shown its rate; median intervals (S,), s; earliest time, s."""
-    held: list[Log] = []
+def reduce_to_bins(
+    pieces: Iterable[Log], width: float | None = None, most: int = MOST_BINS
+) -> Bins:
+    """Samples → bins, one pass, in bounded memory.
+
+    pieces : consecutive in time per stream; streams may differ in rate and times. width : of a bin,
+    s; by default 20 ms, at least two samples of the slowest stream. most : bins, above which it
+    doubles.
+
+    Raises
+    ------
+    DataError
+        for an empty log, times that step back or are not in seconds, readings that are not numbers.
+    """
+    stream = iter(pieces)
+    held: list[Log] = []  # until each stream has shown its rate
     times: list[list[FloatArray]] = []
-    for piece in pieces:
+    for piece in stream:
         held.append(piece)
         each = (*piece.position, *piece.force)
         times = times or [[] for _ in each]
@@ -292,25 +305,7 @@ def _opening(pieces: Iterator[Log]) -> tuple[list[Log], FloatArray, float]:
     if period.max() > _SLOWEST:
         values: dict[str, Value] = {"limit": _SLOWEST}
         raise DataError(Finding("samples-sparse", (), float(period.max()), "s", values=values))
-    return held, period, min(float(t[0]) for t in joined)
-
-
-def reduce_to_bins(
-    pieces: Iterable[Log], width: float | None = None, most: int = MOST_BINS
-) -> Bins:
-    """Samples → bins, one pass, in bounded memory.
-
-    pieces : consecutive in time per stream; streams may differ in rate and times. width : of a bin,
-    s; by default 20 ms, at least two samples of the slowest stream. most : bins, above which it
-    doubles.
-
-    Raises
-    ------
-    DataError
-        for an empty log, times that step back or are not in seconds, readings that are not numbers.
-    """
-    stream = iter(pieces)
-    held, period, begin = _opening(stream)
+    begin = min(float(t[0]) for t in joined)
     width = width or max(_WIDTH, 2.0 * float(period.max()))
     # Half a sample early: samples then lie amid the bins, and rounding cannot move them.
     origin = begin - 0.5 * float(period.min())

@@ -20,7 +20,7 @@ import numpy as np
 
 from tdfscal.dwells.bins import Bins
 from tdfscal.dwells.noise_level import runs
-from tdfscal.dwells.noise_spectrum import Ordinates, Spectrum, density, spectrum, together
+from tdfscal.dwells.noise_spectrum import Ordinates, density, spectrum, together
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
@@ -105,7 +105,12 @@ def dwell_moments(bins: Bins, extents: Sequence[Extent]) -> Moments:
     # Variance relative to the pooled one: 1 where compatible or smaller, else its own.
     ratio = np.divide(own.scatter, level, out=np.ones(shape), where=larger * level > 0)
     looked = evenly(len(extents), _SPECTRA)
-    spectra = _spectra(bins, extents, looked)
+    spectra = [  # of uninterrupted runs of some dwells
+        (int(k), one)
+        for k in looked
+        for begin, end in (extents[k].begin + np.stack(runs(extents[k].used), axis=1)).tolist()
+        if (one := spectrum(bins, slice(begin, end))) is not None
+    ]
     # The spectrum tells how a mean scatters beside a sample; how samples do all dwells tell.
     few = _pooled(own.scatter[looked], own.count[looked]) if extents else level
     beside = np.sqrt(np.divide(level, few, out=np.ones_like(level), where=few > 0))
@@ -173,18 +178,6 @@ def evenly(count: int, most: int) -> IntArray:
     if count <= most:
         return np.arange(count)
     return np.linspace(0, count - 1, most).round().astype(np.int64)
-
-
-def _spectra(bins: Bins, extents: Sequence[Extent], looked: IntArray) -> list[tuple[int, Spectrum]]:
-    """(dwell, spectrum) of uninterrupted runs of some dwells."""
-    found = []
-    for k in looked:
-        extent = extents[k]
-        for first, last in zip(*runs(extent.used), strict=True):
-            one = spectrum(bins, slice(int(extent.begin + first), int(extent.begin + last)))
-            if one is not None:
-                found.append((int(k), one))
-    return found
 
 
 def _own(bins: Bins, extents: Sequence[Extent]) -> _Own:

@@ -140,17 +140,17 @@ def clean(marked: BoolArray, length: int) -> BoolArray:
     return np.asarray(total[length:] == total[:-length])
 
 
-def difference_noise(signal: Signals, marked: BoolArray, most: int) -> Noise:
+def difference_noise(signal: Signals, marked: BoolArray, scales: int) -> Noise:
     """Robust noise of the differences over the bins that are not marked.
 
-    most : scales, as far as there are windows enough. Too few of them may be alike by chance, as if
+    scales : as far as there are windows enough. Too few of them may be alike by chance, as if
     there were no noise: these count for no less than what white noise leaves of shorter ones.
     """
     signal, marked = blocks(signal, marked)
     axes = len(signal.value)
     some, few = [], []
     follow: tuple[int, IntArray] | None = None
-    for scale in range(most):
+    for scale in range(scales):
         index = np.flatnonzero(clean(marked, 2 ** (scale + 1)))
         if scale and len(index) < (8 if scale < SCALES else _ENOUGH_LONG * 2**scale):
             break
@@ -163,7 +163,14 @@ def difference_noise(signal: Signals, marked: BoolArray, most: int) -> Noise:
     result = np.zeros((len(some), axes))
     for scale, (width, difference) in enumerate(differences(signal.value, len(some))):
         if len(some[scale]) >= 8:
-            result[scale] = _spread(np.abs(difference[:, some[scale]]), signal.quantum)
+            # Most differences of readings that are coarser than their noise are zero, or one step,
+            # whatever the noise: then the larger ones tell.
+            size = np.abs(difference[:, some[scale]])
+            half, most = size.shape[1] // 2, 9 * size.shape[1] // 10
+            ranked = np.partition(size, (half, most), axis=1)
+            middle, wide = _MAD * ranked[:, half], ranked[:, most] / _P90
+            fine = middle >= signal.quantum
+            result[scale] = np.where(fine, middle, np.maximum(middle, wide))
         if few[scale]:
             result[scale] = np.maximum(result[scale], result[scale - 1] / np.sqrt(2.0))
         if follow is not None and follow[0] == scale:
@@ -179,19 +186,6 @@ def _apart(index: IntArray, length: int) -> float:
         return 0.0
     runs_of = 1 + np.count_nonzero(np.diff(index) > 1)
     return float(runs_of + (len(index) - runs_of) / length)
-
-
-def _spread(size: FloatArray, quantum: FloatArray) -> FloatArray:
-    """Standard deviations (A,) of differences of some size (A, N).
-
-    Most differences of readings that are coarser than their noise are zero, or one step, whatever
-    the noise: then the larger ones tell.
-    """
-    half, most = size.shape[1] // 2, 9 * size.shape[1] // 10
-    ranked = np.partition(size, (half, most), axis=1)
-    middle = _MAD * ranked[:, half]
-    wide = np.maximum(middle, ranked[:, most] / _P90)
-    return np.asarray(np.where(middle >= quantum, middle, wide))
 
 
 def blocks(signal: Signals, base: BoolArray) -> tuple[Signals, BoolArray]:
