@@ -40,10 +40,7 @@ from tdfscal.significance import (
 
 #: What every support gives, m/N, whatever is stated: at 2 N/µm nothing is harmed (theory, 11).
 _GIVES: Final = 5e-7
-#: Share of the size beyond which positions are of another machine, or misnamed.
-_SHAPE: Final = 2e-3
-#: A standard uncertainty of a place above this is none, m.
-_UNKNOWN: Final = 1.0
+_UNKNOWN: Final = 1.0  # m; a place with a larger standard uncertainty is not known
 #: A frame that is scaled not about the middle of its travel, but from the zero of its coordinates.
 FROM_ZERO: Final = "scaled from zero"
 #: Code of a finding by the cause's kind, and the unit of its size.
@@ -59,8 +56,7 @@ CODES: Final = {
 }
 #: Share of what a cause explains that its second order, or another's, may leave.
 _SECOND_ORDER: Final = 0.05
-#: Equations that are left when all constant errors are known, for a frame to be judged.
-_FEWEST: Final = 3
+_FEWEST: Final = 3  # equations, beside all constant errors, by which a frame is judged
 #: Positions are not known better than this, m: rounding, and a terminal that bends.
 _FLOOR: Final = 2e-7
 #: Ways in which a frame is wrong, with E of each of its components by one, (3, 3, 3).
@@ -70,20 +66,16 @@ _WAYS: Final[dict[str, FloatArray]] = {
     "not square": np.abs(so3.hat(np.eye(3))),
 }
 FRAMES: Final = {**_WAYS, FROM_ZERO: _WAYS["scaled"]}
-#: Weights that differ by less are those of one cause, told in two ways.
-_ONE: Final = 1.0
 #: Share of a cause's best-known component that another must have to be known at all.
 _SEEN: Final = 1e-6
-#: Noise of the positions in a column of a frame, 1 per equation, is noise of the residuals too: it
-#: lends its test √(1 / this) standard deviations at most, by this many times equations² of
-#: information (theory, section 13).
+#: Noise of positions in a frame's column, 1 per equation, is that of the residuals: with this many
+#: times equations² of information it lends a test √(1 / this) standard deviations (theory, 13).
 _NOISY: Final = 10.0
 #: A posture this many times farther from the others' middle than their median is a jolt.
 _JOLT: Final = 100.0
 #: A cause: its kind, its support, and how its unknowns move the parameters, (P, g).
 Suspect = tuple[str, int | None, FloatArray]
-#: Postures summed at once.
-_CHUNK: Final = 1024
+_CHUNK: Final = 1024  # postures summed at once
 
 
 @record
@@ -102,10 +94,9 @@ class Cause:
     amount: FloatArray
     std: FloatArray
 
-    @property
-    def p_value(self) -> float:
-        """That chance alone asks as much for this cause."""
-        return float(chi2_sf(self.statistic, self.unknowns)) if self.unknowns else 1.0
+    def p_value(self, variance: float = 1.0) -> float:
+        """That chance alone, of this variance, asks as much for this cause."""
+        return float(chi2_sf(self.statistic / variance, self.unknowns)) if self.unknowns else 1.0
 
     @property
     def weight(self) -> float:
@@ -167,31 +158,6 @@ class Equations:
         return Cause(kind, support, fall, unknowns, found.amount, found.std)
 
 
-def gross_limit(rig: Rig, force: FloatArray | None = None, shape: float = _SHAPE) -> float:
-    """Rms distance from the rig file's pattern, m, above which no fit can be trusted.
-
-    force : (K, n, 3), N, readings, under which declared supports give; None where none do.
-    shape : share of the size that is allowed beside the stated uncertainties.
-    """
-    stated, give = rig.declared, 0.0
-    radius = float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
-    if force is not None:
-        load = float(np.median(np.linalg.norm(force, axis=2), axis=0).max())
-        # What is not measured carries a part of the weight at most.
-        load = max(load, float(rig.mass.value) * rig.gravity)
-        give = load * max(stated.compliance_lateral, stated.compliance_vertical)
-    own = np.sqrt(stated.hinge**2 + stated.datum**2 + stated.positioner**2)
-    return shape * radius + 6 * (float(own) + give)
-
-
-def misfit(hinge: FloatArray, position: FloatArray) -> tuple[float, float]:
-    """Medians over the postures: rms distance after registration in m, and height of LCS z."""
-    R, T = register(hinge, position)
-    off = position - (np.einsum("kab,nb->kna", R, hinge) + T[:, None])
-    rms = np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
-    return float(np.median(rms)), float(np.median(R[:, 2, 2]))
-
-
 @record
 class Geometry:
     """What the distances between hinges say.
@@ -209,9 +175,9 @@ class Geometry:
 
     def findings(self, supports: tuple[str, ...]) -> tuple[Finding, ...]:
         """What may be wrong, and by how much, the likeliest first."""
-        return tuple(self._finding(cause, supports) for cause in self.causes)
+        return tuple(self._told(cause, supports) for cause in self.causes)
 
-    def _finding(self, cause: Cause, supports: tuple[str, ...]) -> Finding:
+    def _told(self, cause: Cause, supports: tuple[str, ...]) -> Finding:
         code, unit = CODES[cause.kind]
         values: dict[str, Value] = {
             "elsewhere": not self.explained,
@@ -247,28 +213,29 @@ def examine(
     common : m, standard uncertainty of a coordinate that all postures share, beside the datum's.
     frames : whether a positioner's frame may be blamed, where distances agree on average.
     """
-    n, size = rig.n, 15 * rig.n + 2
     keep = without_jolts(rig.hinge, position, variance)
     force = np.zeros_like(position) if force is None else force
     sums = equations(rig.hinge, position[keep], force[keep], variance[keep])
-    varying, known = sums.apart_from(np.arange(size) < 6 * n + 2)
+    varying, known = sums.apart_from(np.arange(15 * rig.n + 2) < 6 * rig.n + 2)
     dof = sums.rows - known
     scatter = max(1.0, varying.chi2 / dof) if dof > 0 else 1.0
     pattern = sums.scaled(scatter).given(stated_errors(rig, common))
-    tried = [pattern.ask(*suspect) for suspect in _suspects(rig.hinge, size)]
+    places, suspects = _suspects(rig.hinge, position[keep].mean(axis=0))
+    tried = [pattern.ask(*place) for place in places]
     best = max(tried, key=lambda cause: cause.weight)
     chi2 = max(0.0, pattern.chi2 - varying.chi2 / scatter)
     p_value = min(
         1.0,
         2 * float(chi2_sf(chi2, known)),
-        2 * len(tried) * min(cause.p_value for cause in tried),
+        2 * len(tried) * min(cause.p_value() for cause in tried),
     )
     if frames and dof > _FEWEST:
-        suspects = _frames(position[keep].mean(axis=0), size)
         wrong = [pattern.ask(*suspect) for suspect in suspects]
         place = int(np.argmax([cause.weight for cause in wrong]))
         likely, alone = wrong[place], varying.ask(*suspects[place], _NOISY * dof**2)
-        varies, rest = _varies(varying, dof, alone, len(suspects))
+        # Held against the scatter without it, or it would excuse itself.
+        rest = max(1.0, (varying.chi2 - alone.statistic) / max(dof - alone.unknowns, 1))
+        varies = min(1.0, len(suspects) * alone.p_value(rest))
         # What another test has raised already is no further false alarm.
         raised, ahead = p_value <= GEOMETRY_MISFIT, likely.weight - best.weight
         level = GEOMETRY_MISFIT if raised else FRAME_MISFIT
@@ -300,51 +267,33 @@ def stated_errors(rig: Rig, common: float = 0.0) -> FloatArray:
     return out
 
 
-def _varies(varying: Equations, dof: int, frame: Cause, tests: int) -> tuple[float, float]:
-    """That chance makes the distances vary with the place as a frame does, and what then remains.
-
-    varying : what no constant error explains. The frame is held against the scatter without it, or
-    it would excuse itself; second result : that scatter, variance over the stated one, at least 1.
-    """
-    rest = max(1.0, (varying.chi2 - frame.statistic) / max(dof - frame.unknowns, 1))
-    p_value = float(chi2_sf(frame.statistic / rest, frame.unknowns)) if frame.unknowns else 1.0
-    return min(1.0, tests * p_value), rest
-
-
 def _alike(tried: list[Cause], best: Cause) -> tuple[Cause, ...]:
     """The best cause, and others that explain about as much."""
     near = [c for c in tried if best.weight - c.weight < CAUSES_APART and c.unknowns]
     zero = {c.support: c.weight for c in near if c.kind == FROM_ZERO}
-    near = [c for c in near if c.kind != "scaled" or zero.get(c.support, 0.0) < c.weight - _ONE]
+    # From its zero or about its middle is one, where neither explains more.
+    near = [c for c in near if c.kind != "scaled" or zero.get(c.support, 0.0) < c.weight - 1.0]
     return tuple(sorted(near, key=lambda cause: -cause.weight))
 
 
-def _suspects(hinge: FloatArray, size: int) -> list[Suspect]:
-    """Hinges, datums, the pattern's size, what gives; size : number of parameters P."""
-    n, eye = len(hinge), np.eye(size)
-    out: list[Suspect] = []
-    for kind, first in (("hinge", 0), ("datum", 3 * n)):
-        out += [(kind, i, eye[:, first + 3 * i : first + 3 * i + 3]) for i in range(n)]
-    larger = np.zeros((size, 1))
-    larger[: 3 * n, 0] = (hinge - hinge.mean(axis=0)).ravel()
-    return [*out, ("scale", None, larger), ("compliance", None, eye[:, 6 * n : 6 * n + 2])]
-
-
-def _frames(middle: FloatArray, size: int) -> list[Suspect]:
-    """Frames of positioners, or of all alike, that are turned, scaled or not square.
-
-    middle : (n, 3), m, BCS, of each one's travel.
+def _suspects(hinge: FloatArray, middle: FloatArray) -> tuple[list[Suspect], list[Suspect]]:
+    """Hinges, datums, the pattern's size, what gives; and frames that are turned, scaled or not
+    square, of a positioner or of all alike. middle : (n, 3), m, BCS, of each one's travel.
     """
-    n, eye = len(middle), np.eye(size)
+    n, eye = len(hinge), np.eye(15 * len(hinge) + 2)
+    three = [eye[:, first : first + 3] for first in range(0, 6 * n, 3)]
+    larger = eye[:, : 3 * n] @ (hinge - hinge.mean(axis=0)).reshape(-1, 1)
+    places: list[Suspect] = [("hinge", i, three[i]) for i in range(n)]
+    places += [("datum", i, three[n + i]) for i in range(n)]
+    places += [("scale", None, larger), ("compliance", None, eye[:, 6 * n : 6 * n + 2])]
     out: dict[tuple[str, int | None], FloatArray] = {}
     for i in range(n):
-        for kind, first in zip(_WAYS, range(6 * n + 2 + 9 * i, size, 3), strict=False):
+        for kind, first in zip(_WAYS, range(6 * n + 2 + 9 * i, 15 * n + 2, 3), strict=False):
             out[kind, i] = eye[:, first : first + 3]
-        datum = eye[:, 3 * n + 3 * i : 3 * n + 3 * i + 3]
-        out[FROM_ZERO, i] = out["scaled", i] + datum * middle[i]
+        out[FROM_ZERO, i] = out["scaled", i] + three[n + i] * middle[i]
     for kind in ("scaled", FROM_ZERO):
         out[kind, None] = np.sum([out[kind, i] for i in range(n)], axis=0)
-    return [(*key, columns) for key, columns in out.items()]
+    return places, [(*key, columns) for key, columns in out.items()]
 
 
 def _across(hinge: FloatArray) -> FloatArray:

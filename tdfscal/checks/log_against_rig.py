@@ -23,6 +23,8 @@ from tdfscal.records import FloatArray, Rig
 if TYPE_CHECKING:
     from tdfscal.checks.wiring import Wiring
 
+#: Share of the size beyond which positions are of another machine, or misnamed.
+_SHAPE = 2e-3
 #: Positions and rig file must agree in size within this share.
 _SIZE = 0.02
 #: Forces and weight must agree within this share; the fit judges the rest far more sharply.
@@ -63,8 +65,8 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
         head while gravity points along −Z: a unit, swapped or mirrored axes, swapped supports, a
         hinge or a positioner's offset, or another rig.
     """
-    limit = geometry.gross_limit(rig, force)
-    off, up = geometry.misfit(rig.hinge, position)
+    limit = _gross_limit(rig, force)
+    off, up = _misfit(rig.hinge, position)
     if off <= limit and up > 0:
         check_size(rig, position)
         return
@@ -82,6 +84,31 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
         facts = {**facts, **found.values, _PLACES[found.code]: whose}
         facts |= {"by": found.size, "either": len(misplaced) > 1}
     raise DataError(Finding("hinges-off", size=off, unit="m", values=facts))
+
+
+def _gross_limit(rig: Rig, force: FloatArray | None = None, shape: float = _SHAPE) -> float:
+    """Rms distance from the rig file's pattern, m, above which no fit can be trusted.
+
+    force : (K, n, 3), N, readings, under which declared supports give; None where none do.
+    shape : share of the size that is allowed beside the stated uncertainties.
+    """
+    stated, give = rig.declared, 0.0
+    radius = float(np.linalg.norm(rig.hinge - rig.hinge.mean(axis=0), axis=1).mean())
+    if force is not None:
+        load = float(np.median(np.linalg.norm(force, axis=2), axis=0).max())
+        # What is not measured carries a part of the weight at most.
+        load = max(load, float(rig.mass.value) * rig.gravity)
+        give = load * max(stated.compliance_lateral, stated.compliance_vertical)
+    own = np.sqrt(stated.hinge**2 + stated.datum**2 + stated.positioner**2)
+    return shape * radius + 6 * (float(own) + give)
+
+
+def _misfit(hinge: FloatArray, position: FloatArray) -> tuple[float, float]:
+    """Medians over the postures: rms distance after registration in m, and height of LCS z."""
+    R, T = register(hinge, position)
+    off = position - (np.einsum("kab,nb->kna", R, hinge) + T[:, None])
+    rms = np.sqrt(np.mean(np.sum(off**2, axis=2), axis=1))
+    return float(np.median(rms)), float(np.median(R[:, 2, 2]))
 
 
 def _misplaced(rig: Rig, position: FloatArray) -> list[Finding]:
@@ -165,9 +192,9 @@ def upright(rig: Rig, position: FloatArray) -> Wiring | None:
     from tdfscal.checks.wiring import exchanged_supports, frames
 
     ways = (*exchanged_supports(rig.supports), *frames(rig.n))
-    off, _ = geometry.misfit(rig.hinge, position)
-    alike = _ALIKE * off + geometry.gross_limit(rig, shape=0.0)
-    found = _fitting(rig, position, min(alike, geometry.gross_limit(rig)), ways)
+    off, _ = _misfit(rig.hinge, position)
+    alike = _ALIKE * off + _gross_limit(rig, shape=0.0)
+    found = _fitting(rig, position, min(alike, _gross_limit(rig)), ways)
     return min(found, key=lambda way: way[0])[1] if found else None
 
 
@@ -178,7 +205,7 @@ def _fitting(
     found = []
     for other in ways:
         place = other.signals(position)
-        off, up = geometry.misfit(rig.hinge, place)
+        off, up = _misfit(rig.hinge, place)
         left = float(np.linalg.norm(_turn(rig, place)))
         if off <= limit and up > 0 and left <= most:
             found.append((round(left, _LIKE), other))
@@ -198,7 +225,7 @@ def explanation(rig: Rig, position: FloatArray, force: FloatArray | None = None)
     """
     from tdfscal.checks.wiring import rewired_positions
 
-    limit = geometry.gross_limit(rig, force)
+    limit = _gross_limit(rig, force)
     found = _fitting(rig, position, limit, rewired_positions(rig.supports), np.inf)
     return min(found, key=lambda way: way[0])[1] if found else None
 

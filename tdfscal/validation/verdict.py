@@ -14,24 +14,16 @@ from typing import Literal
 import numpy as np
 from scipy import special
 
-from tdfscal.checks.wiring import turned_axes
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import Calibrated, informed, loosened, redrawn
-from tdfscal.model.parameters import State, layout, prior_std, starting_state
-from tdfscal.model.postures import Postures, Rests
+from tdfscal.model.calibrated import Calibrated, redrawn
+from tdfscal.model.parameters import layout, prior_std
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
-from tdfscal.records import FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import Fit, at_state, fit, spread
-from tdfscal.selfcal.misreadings import Misreading, Mistake, misreading
-from tdfscal.selfcal.mounting_search import best_start
-from tdfscal.selfcal.preparation import misread
+from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import (
-    BETTER,
     CAUSES_APART,
     DETECTION_POWER,
-    MOST_POSTURES,
     VALIDATION_ALARM,
     VALIDATION_CHI2,
     VALIDATION_SEARCH,
@@ -313,60 +305,3 @@ def _zeros(
         value=given.state.zero + value.reshape(n, 3),
         covariance=spread[new] @ spread[new].T,
     )
-
-
-def refuse_misread(
-    given: Calibrated,
-    rig: Rig,
-    seen: Postures,
-    judge: Callable[[Postures, IntArray], Judged] | None = None,
-    rests: Rests | None = None,
-) -> None:
-    """Raise DataError where one mistake in the readings explains them, likelier than any change.
-
-    given : the calibration, with the load of this log. seen : K postures, or moments of a motion,
-    which have no rests. judge : of postures, and which of K; without it the search is the judge.
-    """
-    some = np.unique(np.linspace(0, len(seen) - 1, MOST_POSTURES).round().astype(np.int64))
-    seen = seen.subset(some)
-    if rests is not None:
-        rests = Rests(rests.number[some], rests.time[some])
-    known = loosened(informed(rig, given))
-    start = starting_state(known, seen.motions)
-    present = fit(known, seen, start)
-    _refuse_turned(known, seen, start, present)
-    found = misreading(known, seen, present, rests)
-    if found is None:
-        return
-    if judge is not None:
-        now = judge(seen, some)
-        if found.jump is not None:  # a cause too, which stands beside a slip there
-            best = now.causes.best[0]
-            if (best.kind, best.support) != ("zero jumped", found.mistake.support):
-                return
-            raise misread(known, found, present, rests, check=True)
-        without = judge(found.fit.postures, some)
-        # What has a number is no likelier by little, nor beside a second cause.
-        apart = 0.0 if found.exact else CAUSES_APART
-        if without.merit <= (now.merit[0], now.merit[1] + apart) or not (
-            found.exact or without.holds
-        ):
-            return
-    raise misread(known, found, present, rests, check=True)
-
-
-def _refuse_turned(known: Rig, seen: Postures, start: State, present: Fit) -> None:
-    """Raise DataError where sensors turned by quarter turns explain what they do not as mounted.
-
-    Who mounted none anew has axes of the opposite sign, or exchanged; a fit about the calibrated
-    mounting, `start`, does not find its way so far: all mountings are searched.
-    """
-    if spread(present.distance, present.at.rows) >= BETTER:
-        present = best_start(known, seen)
-    turns = np.swapaxes(start.rotation, 1, 2) @ present.state.rotation
-    if (other := turned_axes(known.supports, turns)) is None:
-        return
-    found = Misreading(Mistake(other), fit(known, other.postures(seen), start))
-    if found.misfit < BETTER:
-        mounted = at_state(known, seen, start, np.ones(len(seen)))
-        raise misread(known, found, mounted, check=True)
