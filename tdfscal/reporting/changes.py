@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from tdfscal.catalogue.numbers import measured
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import FloatArray
@@ -120,3 +123,16 @@ def start(v: Validation, k: int) -> str:
 def lengths(wrench: FloatArray) -> FloatArray:
     """Lengths (K, 2) of force and moment of wrenches (K, 6)."""
     return np.asarray(np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2))
+
+
+def allowed(v: Tested) -> Iterator[str]:
+    """What the rig file allows of the contact wrench's error, beside the largest residual."""
+    after = v.residual.after if isinstance(v, MovingValidation) else lengths(v.calibrated)
+    sizes = after.max(axis=0).tolist()
+    for (quantity, unit, _, limit), size in zip(
+        v.rig.acceptance.contact_limits, sizes, strict=True
+    ):
+        if limit is not None:
+            told = f"The largest residual {quantity}, {measured(size, 3)} {unit},"
+            side = "within" if size <= limit else "beyond"
+            yield f"{told} is {side} the {limit:g} {unit} that the rig file allows."

@@ -18,7 +18,7 @@ from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics.streams import covered
 from tdfscal.reporting import layout
-from tdfscal.reporting.changes import Tested, change, changes, lengths
+from tdfscal.reporting.changes import Tested, allowed, change, changes, lengths
 from tdfscal.reporting.layout import Drawing, Report, Section
 from tdfscal.reporting.traceability import (
     FIXED,
@@ -165,7 +165,7 @@ def _why(v: Tested, findings: Sequence[Finding]) -> Iterator[str]:
         yield from own
         yield f"{left} no more {allow} (χ² test: {chi2}; test for a single change: {search})."
         yield from (begun(sentence(found), ".") for found in changes(v))
-        yield from [] if own else [_sure(v)]
+        yield from [*([] if own else [_sure(v)]), *allowed(v)]
         return
     failed = []
     if v.judged.search_p < VALIDATION_SEARCH:
@@ -186,6 +186,7 @@ def _why(v: Tested, findings: Sequence[Finding]) -> Iterator[str]:
             f"The causes below explain it about equally well; {more}, more tilt and a squeeze "
             "would tell them apart."
         )
+    yield from allowed(v)
 
 
 def _tests(v: Tested) -> tuple[str, str]:

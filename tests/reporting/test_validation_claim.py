@@ -1,5 +1,6 @@
 """What a verdict rests on, and what it advises: the JSON's findings, and the deciding p in text."""
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 
 from tdfscal.catalogue import documents
 from tdfscal.catalogue.numbers import p_text
-from tdfscal.reporting.changes import changes
+from tdfscal.reporting.changes import allowed, changes
 from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
 from tdfscal.significance import VALIDATION_ALARM
@@ -53,6 +54,16 @@ def test_the_verdict_is_what_its_own_numbers_say(turn: float) -> None:
     for name, (p, limit) in key.items():
         printed = f"{p_text(found[p])}, limit {found[limit]:.3g}" in claim
         assert printed or not (below[name] or found["holds"])
+
+
+@pytest.mark.parametrize(("limit", "side"), [(1e3, "within"), (1e-3, "beyond")])
+def test_what_the_rig_file_allows_stands_beside_the_largest_residual(
+    limit: float, side: str
+) -> None:
+    v = validation(0.0)
+    assert not list(allowed(v))
+    v = replace(v, rig=replace(v.rig, acceptance=replace(v.rig.acceptance, contact_force=limit)))
+    assert f"is {side} the {limit:g} N that the rig file allows" in written(v)[1]
 
 
 def test_zeros_that_moved_are_no_proof_that_nothing_turned() -> None:
