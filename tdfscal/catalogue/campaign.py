@@ -95,11 +95,11 @@ zero-jumped warns
     campaign} again{until:, or write `zero.std: unknown` for {subject} in rig.yaml, calibrate with
     --to ~ -o before.yaml,|}{cut: and update before.yaml by it with --from ~ -o after.yaml|}
 contact-stays warns
-  something pushed the terminal with {change:N} ± {change_95:N} (95 %) along x, y, z of the {frame}
-  from posture {posture} to {last}{between:time}
+  something pushed the terminal with {change:N} ± {change_95:N} (95 %) along x, y, z of the
+  {frame}{posture: from posture ~|: it began or ended}{last: to ~|}{between:time}
   -> find what touched the terminal or was laid on it (a cable, a rope, a tool), free it, and record
-    these postures again. The readings alone cannot tell it from an opposite push in all other
-    postures: if it was those that were touched, record them again instead
+    this part again. The readings alone cannot tell it from an opposite push in all the rest: if it
+    was that which was touched, record it again instead
 """,
         f"{_SAID}{_SHIFT}",
         _BESIDES,

@@ -210,7 +210,9 @@ class Change:
             "change_95": (INTERVAL_FACTOR * self.std[:3]).tolist(),
             **when,
         }
-        subject = () if kind == "contact" else (rig.supports[self.support],)
+        subject: tuple[str, ...] = (rig.supports[self.support],)
+        if kind == "contact":
+            subject, values["frame"] = (), self.what
         return Finding(code, subject, float(np.linalg.norm(self.amount[:3])), unit, values=values)
 
 

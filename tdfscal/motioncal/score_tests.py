@@ -11,6 +11,7 @@ are seen where nothing touches (Rao, Proc. Camb. Phil. Soc. 44, 1948).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from operator import itemgetter
 
 import numpy as np
 
@@ -25,14 +26,16 @@ from tdfscal.estimation.score_tests import (
 )
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding
-from tdfscal.motioncal.blocks import Block, ComplexArray, Stretch, blocks, runs
+from tdfscal.frozen import replace
+from tdfscal.motioncal.blocks import SHORTEST, Block, ComplexArray, Stretch, blocks, runs
 from tdfscal.motioncal.design import BlockDesign, suspected
+from tdfscal.motioncal.estimator import at_state, residual_wrench
 from tdfscal.motioncal.fit import MovingFit
 from tdfscal.motioncal.preparation import Usable, check_blocks
-from tdfscal.motioncal.slip import likeliest_steps
+from tdfscal.motioncal.slip import CONTACT, likeliest_steps
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.streams import covered
-from tdfscal.records import FloatArray
+from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import CONTACT_IN_MOTION
 
 
@@ -53,12 +56,15 @@ def _drifts(fit: MovingFit) -> Iterator[Suspect]:
         yield from moving_zeros(name, columns[:, k], unit)
 
 
-#: Length of a window and the way from one to the next, s.
-WINDOW, _STRIDE = 2.0, 0.5
-#: A window under the taper's ramp shows nothing: least share of its weight.
-_LEAST = 0.2
+#: Way from one edge of a window to the next, s; a short window's edges are two of these apart.
+_STRIDE = 0.5
 #: Blocks above which no fit takes up half of what a window shows.
 _MANY, _HALF = 4, 0.5
+#: Edges at most, of the short windows that show most, between which a contact lasts in a block; the
+#: longest one as a share of the log, with one edge less: the rest in contact would look alike.
+_EDGES, _LONGEST, _LONGEST_AT_END = 40, 0.7, 0.5
+#: Why a stretch is left out for it.
+_TOUCHED = Finding("stretch-touched", unit="N")
 #: Rounds in which contacts come to light.
 _ROUNDS = 8
 #: Share of the largest statistic below which a contact is asked again without the larger ones:
@@ -80,9 +86,10 @@ def without_contacts(
     """
     slow, keep = fit.slow, usable.keep
     for _ in range(_ROUNDS):
-        found = touched(fit)
-        if found and (steps := likeliest_steps(fit)):
-            found = min(found, touched(fit, steps[0].wrench), key=covered)
+        found, worth = touched(fit)
+        best = next(iter(likeliest_steps(fit)), None) if found else None
+        if best and best.what != CONTACT and best.worth > worth:
+            found = min(found, touched(fit, best.wrench)[0], key=covered)
         if not found:
             break
         rejected = _merged([*usable.rejected, *found])
@@ -91,7 +98,21 @@ def without_contacts(
         usable = Usable(keep, blocks(slow, keep), rejected)
         check_blocks(slow, usable.blocks)
         fit = again(usable.blocks, fit)
-    return fit, usable
+    return fit, replace(usable, rejected=tuple(_sized(fit, keep, s) for s in usable.rejected))
+
+
+def _sized(fit: MovingFit, keep: BoolArray, stretch: Stretch) -> Stretch:
+    """One that was touched with its wrench, the largest mean over a second at the fit."""
+    if stretch.reason.code != _TOUCHED.code:
+        return stretch
+    after = fit.slow.time - stretch.begin
+    inside = (after >= 0) & (fit.slow.time <= stretch.end)
+    near = (after > -SHORTEST) & (fit.slow.time < stretch.end + SHORTEST)
+    cut = blocks(fit.slow, near & (keep | inside))
+    there = at_state(fit.priors, cut, fit.state, fit.noise)
+    force, moment = residual_wrench(there, fit.still, fit.still).after.max(axis=0).tolist()
+    reason = replace(stretch.reason, size=force, values={"moment": moment})
+    return replace(stretch, reason=reason)
 
 
 def _merged(left_out: Sequence[Stretch]) -> tuple[Stretch, ...]:
@@ -105,41 +126,68 @@ def _merged(left_out: Sequence[Stretch]) -> tuple[Stretch, ...]:
     return tuple(out)
 
 
-def touched(fit: MovingFit, known: Sequence[ComplexArray] = ()) -> tuple[Stretch, ...]:
+def touched(
+    fit: MovingFit, known: Sequence[ComplexArray] = ()
+) -> tuple[tuple[Stretch, ...], float]:
     """Name the stretches in which a wrench acts that the model does not know, the strongest ones.
 
-    known : wrench (F, 6) of every block that is explained already.
+    The spectrum takes a wrench that lasts for slow noise, and only its edges show. So a window from
+    edge to edge stands for the strongest of them where it explains a share of what that does.
+
+    known : wrench (F, 6) of every block that a step explains, beside which none lasts. Returns what
+    the largest one is worth too, less its unknowns.
     """
     wrenches = fit.wrenches()
     if known:
         wrenches = [e + own for e, own in zip(wrenches, known, strict=True)]
     alike = {len(block): block for block in fit.blocks}
-    shapes = {size: _windows(block) for size, block in alike.items()}
-    tests = max(1, sum(len(shapes[len(block)][1]) for block in fit.blocks))
-    limit = float(chi2_quantile(1 - CONTACT_IN_MOTION / tests, len(fit.designs[0].mix)))
+    shapes = {size: _rises(block) for size, block in alike.items()}
+    tests = sum(len(shapes[len(block)][1]) + _EDGES**2 // 2 for block in fit.blocks)
+    unknowns = len(fit.designs[0].mix)
+    limit = float(chi2_quantile(1 - CONTACT_IN_MOTION / tests, unknowns))
     root = factored_information(fit).root
     floor = _HALF * limit if len(fit.designs) > _MANY else 0.0
-    out: list[tuple[float, Stretch]] = []
+    seconds = sum(block.seconds for block in fit.blocks)
+    short, lasting = [(0.0, Stretch(0.0, 0.0, _TOUCHED))], [(0.0, Stretch(0.0, 0.0, _TOUCHED))]
     for item, e in zip(fit.designs, wrenches, strict=True):
-        d, middle = shapes[len(item.block)]
-        statistic, wrench = _scores(fit, item, e, d, root, floor)
-        time = item.block.begin + middle
-        found = runs(statistic > limit)
-        out += [(statistic[run].max(), _stretch(time[run], wrench[run])) for run in found]
-    most = max((float(size) for size, _ in out), default=0.0)
-    return tuple(stretch for size, stretch in out if size > _SHARE * most)
+        rise, edges = shapes[len(item.block)]
+        edges = item.block.begin + edges
+        a = np.arange(1, len(edges) - 3)
+        statistic = _scores(fit, item, e, rise[a] - rise[a + 2], root, floor)
+        for run in runs(statistic > limit):
+            begin, end = edges[[a[run.start], a[run.stop - 1] + 2]].tolist()
+            short.append((float(statistic[run].max()), Stretch(begin, end, _TOUCHED)))
+        a, b = _lasting(edges, a, statistic, seconds)
+        if len(a) and not known:
+            statistic = _scores(fit, item, e, rise[a] - rise[b], root, floor)
+            k = int(np.argmax(statistic))
+            begin, end = edges[[a[k], b[k]]].tolist()
+            lasting.append((float(statistic[k]), Stretch(begin, end, _TOUCHED)))
+    most, edge = max(short, key=itemgetter(0))
+    size, longer = max(lasting, key=itemgetter(0))
+    worth = max(most, size) - unknowns * float(np.log(fit.rows))
+    # Where there is an edge, it is one of its own.
+    own = edge.begin <= longer.end and longer.begin <= edge.end and size > _SHARE * most
+    if own if most > limit else size > limit:
+        return (longer,), worth
+    return tuple(stretch for size, stretch in short if size > max(limit, _SHARE * most)), worth
 
 
-def _stretch(middle: FloatArray, wrench: FloatArray) -> Stretch:
-    """Join neighbouring windows (W,): a window tells of what lies in its middle half."""
-    force, moment = np.linalg.norm(wrench.reshape(-1, 2, 3), axis=2).max(axis=0)
-    return Stretch(
-        begin=float(middle[0] - WINDOW / 4),
-        end=float(middle[-1] + WINDOW / 4),
-        reason=Finding(
-            "stretch-touched", size=float(force), unit="N", values={"moment": float(moment)}
-        ),
-    )
+def _lasting(
+    edges: FloatArray, short: IntArray, statistic: FloatArray, seconds: float
+) -> tuple[IntArray, IntArray]:
+    """Beginnings and ends of windows that last, among edges (K,), s, of a block.
+
+    short : (W,), beginnings of the short ones, and their statistic. seconds : of all blocks.
+    """
+    last = len(edges) - 1
+    # Under the taper's ramps an edge is no other than the block's own.
+    shown = short[3:-3][np.argsort(statistic[3:-3])[-_EDGES // 2 :]]
+    some = np.unique(np.concatenate([shown, shown + 2, [0, last]]))
+    a, b = some[np.array(np.triu_indices(len(some), 1))]
+    most = np.where((a > 0) & (b < last), _LONGEST, _LONGEST_AT_END) * seconds
+    lasts = (b - a > 2) & (edges[b] - edges[a] <= most)
+    return a[lasts], b[lasts]
 
 
 def _scores(
@@ -149,8 +197,8 @@ def _scores(
     d: ComplexArray,
     root: FloatArray,
     floor: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Score statistics (W,) of all windows of one block, and their wrenches (W, 6).
+) -> FloatArray:
+    """Score statistics (W,) of all windows of one block.
 
     e : (F, 6), residual. d : (W, F), shapes. root : (p, r), of the parameters' covariance. Where
     the fit can take up half of a statistic at most, one below the floor is not worked out.
@@ -160,7 +208,6 @@ def _scores(
     u = (d.conj() @ (e @ mixing.T * weight)).real
     G = np.abs(d) ** 2 @ weight
     statistic = np.asarray(np.sum(u**2 / G, axis=1))
-    amplitude = -u / G
     some = statistic >= floor
     if some.any():
         J = (mixing @ item.wrench(fit.slope)) * weight[..., None]
@@ -171,27 +218,18 @@ def _scores(
         info[:, each, each] += G[some]
         # What the fit takes up whole leaves no information; a trace of it keeps the matrix regular.
         info[:, each, each] += 1e-6 * G[some]
-        amplitude[some] = -np.linalg.solve(info, u[some, :, None])[..., 0]
-        statistic[some] = -np.sum(u[some] * amplitude[some], axis=1)
-    # e = … + wrench of the contact: what acts is minus what the balance lacks.
-    return statistic, np.asarray(-amplitude @ np.linalg.pinv(mixing).T)
+        own = u[some]
+        statistic[some] = np.sum(own * np.linalg.solve(info, own[..., None])[..., 0], axis=1)
+    return statistic
 
 
-def _windows(block: Block) -> tuple[ComplexArray, FloatArray]:
-    """Coefficients (W, F) of shapes, smooth and of height 1, and their middles (W,).
+def _rises(block: Block) -> tuple[ComplexArray, FloatArray]:
+    """Coefficients (K, F) of smooth rises from 0 to 1 at edges (K,), s from the block's begin.
 
-    Middles are in s from the block's begin.
+    A wrench may act already at its begin, where all of it has risen, and still at its end.
     """
-    N, step = len(block), block.step
-    middle = np.arange(WINDOW / 2, (N - 1) * step - WINDOW / 2 + 1e-9, _STRIDE)
-    first = np.ceil((middle - WINDOW / 2) / step - 1e-9).astype(int)
-    inside = np.arange(int(WINDOW / step) + 1)
-    near = np.minimum(first[:, None] + inside, N - 1)
-    u = (step * (first[:, None] + inside) - middle[:, None]) / (WINDOW / 2)
-    shape = np.where(np.abs(u) < 1, np.cos(np.pi * u / 2) ** 2, 0.0)
-    weighted = shape * block.taper[0, near]
-    seen = weighted.sum(axis=1) >= _LEAST * shape.sum(axis=1)
-    # A window is short: its own Fourier sum, turned to where it begins.
-    turn = -2j * np.pi * step * block.frequency
-    own = block.scale * weighted[seen] @ np.exp(inside[:, None] * turn)
-    return own * np.exp(first[seen, None] * turn), middle[seen]
+    edges = np.linspace(0, block.seconds, int(block.seconds / _STRIDE) + 1)
+    since = (np.arange(len(block)) * block.step)[:, None] - edges
+    rise = np.sin(np.pi / 4 * np.clip(since / _STRIDE + 1, 0, 2)) ** 2
+    rise[:, 0], rise[:, -1] = 1, 0
+    return block.transform(rise).T, edges

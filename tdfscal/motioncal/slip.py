@@ -1,4 +1,4 @@
-"""Did a sensor turn, its zero jump, or the delay change, at some instant of a motion?
+"""Did a sensor turn, its zero jump, the delay change, or a contact begin or end, at some instant?
 
 The columns of such a step are those of the model from that instant on, zero before it, in the
 Fourier coefficients of the blocks.
@@ -37,6 +37,8 @@ from tdfscal.numerics.least_squares import ask
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import CAUSES_APART, CHANGED_RIG
 
+#: What stays from an instant on where something touches the terminal: a wrench in the BCS.
+CONTACT = "BCS"
 #: Instants all over the log at which the information of a step is worked out.
 _SPLITS = 24
 #: Share of the largest information of a free wrench below which it is rounding.
@@ -141,14 +143,15 @@ class _Steps(ChangeSearch):
 
 
 def _columns(fit: MovingFit, item: BlockDesign) -> FloatArray:
-    """Change of e (N, 6, 6 n + 1) by turns and zeros of all sensors, and by the forces' delay."""
+    """Change of e (N, 6, 6 n + 7) by turns and zeros of all sensors, the delay, and a wrench."""
     F, B = item.force, statics.wrench(item.arm)
     zeros = -B @ sensing(fit.still)
     change = derivatives(F.reshape(len(F), -1), item.block.step, _HALF)[0].reshape(F.shape)
     delay = np.einsum("knra,kna->kr", B, change)
     both = np.concatenate([B @ -so3.hat(F), zeros], axis=1)
     columns = np.moveaxis(both, 1, 2).reshape(len(F), 6, -1)
-    return item.across.wrench(np.concatenate([columns, delay[..., None]], axis=2))
+    wrench = np.broadcast_to(np.eye(6), (len(F), 6, 6))
+    return item.across.wrench(np.concatenate([columns, delay[..., None], wrench], axis=2))
 
 
 def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tuple[Step, ...]:
@@ -157,7 +160,7 @@ def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tupl
     determined : (n,), sensors whose turns the data show, by default all; the others stand.
     """
     n, steps = fit.rig.n, _Steps(fit)
-    suspects = [("delay", 0, np.array([6 * n]))]
+    suspects = [("delay", 0, np.array([6 * n])), (CONTACT, 0, np.arange(6 * n + 1, 6 * n + 7))]
     for i in range(n):
         suspects.append(("zero", i, np.arange(3 * (n + i), 3 * (n + i) + 3)))
         if determined is None or determined[i]:
@@ -225,7 +228,7 @@ def suspicion_of(steps: Sequence[Step], of: Estimate[MovingFit]) -> Suspicion:
             for begin, end in [step.between]
         ],
         p_value=steps[0].p_value,
-        kind="slip" if any(step.what == "rotation" for step in steps) else "jump",
+        kind="slip" if any(step.what == "rotation" for step in steps) else steps[0].kind,
         move=steps[0].move[: int(of.fit.active.sum())],
     )
 

@@ -231,7 +231,7 @@ def _when(change: _Run, time: FloatArray, number: IntArray) -> dict[str, Value]:
     values: dict[str, Value] = {"posture": int(number[first])}
     contact, timed = change.kind == "contact", not np.array_equal(time, number - 1)
     if contact:
-        values |= {"last": int(number[last - 1]), "frame": change.what}
+        values["last"] = int(number[last - 1])
     if timed:
         ends = [first, last - 1] if contact else [first - 1, first]
         values["between"] = time[ends].tolist()

@@ -32,7 +32,7 @@ from tdfscal.motioncal.estimator import (
 from tdfscal.motioncal.fit import MovingFit, MovingPriors, MovingState, spectrum_share
 from tdfscal.motioncal.preparation import gaps, moments, usable_samples
 from tdfscal.motioncal.score_tests import without_contacts
-from tdfscal.motioncal.slip import Step, likeliest_steps, refuse_changed_delay
+from tdfscal.motioncal.slip import CONTACT, Step, likeliest_steps, refuse_changed_delay
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
@@ -151,6 +151,7 @@ def _with_steps(judged: Judged, steps: Sequence[Step]) -> Judged:
             between=step.between,
         )
         for step in steps
+        if steps[0].what != CONTACT  # no sensor is to blame
     )
     search_p = min(judged.search_p, steps[0].p_value)
     return replace(judged, causes=replace(judged.causes, best=found), search_p=search_p)

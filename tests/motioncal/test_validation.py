@@ -17,7 +17,7 @@ from tdfscal.records import FloatArray
 from tdfscal.reporting.changes import changes
 from tdfscal.simulation import reference_rig
 from tdfscal.simulation.moving_campaign import MovingCampaign, simulate_moving
-from tdfscal.simulation.options import MovingOptions
+from tdfscal.simulation.options import MovingOptions, Touch
 from tdfscal.simulation.truth import Truth
 from tdfscal.validation import in_motion
 from tdfscal.validation.in_motion import MovingValidation, validate_moving
@@ -129,6 +129,19 @@ def test_a_change_on_the_way_whose_fit_does_not_settle_is_no_verdict(
     monkeypatch.setattr(in_motion, "fit_moving", unsettled)
     with pytest.raises(NotConvergedError):
         validate_moving(before()[1].calibrated, slow, DELAY)
+
+
+@pytest.mark.parametrize(("begin", "end"), [(20.0, 40.0), (0.0, 25.0), (10.0, 48.0)])
+def test_a_contact_that_lasts_is_left_out_and_blames_no_sensor(begin: float, end: float) -> None:
+    touch = Touch(begin, end, (30.0, -20.0, 50.0), (8.0, -5.0, 4.0))
+    later = replace(MINUTE, touches=(touch,))
+    v = validated(options=later)
+    assert v.holds
+    for found in (v, calibrate_moving(reference_rig(), played(later, 12)[1], DELAY)):
+        (left_out,) = found.rejected
+        assert (left_out.begin, left_out.end) == pytest.approx((begin, end), abs=1.0)
+        assert left_out.reason.size == pytest.approx(np.linalg.norm(touch.force), rel=0.05)
+    assert [finding.code for finding in found.reasons] == ["motion-left-out"]
 
 
 def turned(truth: Truth) -> Truth:
