@@ -203,7 +203,7 @@ stretch-frozen warns
     {before:by the part before, with --to ~, or |}with `axes: [{others}]` for {subject} in rig.yaml,
     and none in place of its {axis} {axes:fields|field} in `force` of the log block
 stretch-standing warns
-  the position of {subject} is frozen while others move
+  the position of {subject} is frozen while the terminal moves
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
   -> look at the recorder's link to that positioner
 stretch-over-capacity warns

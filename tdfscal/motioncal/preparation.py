@@ -115,14 +115,16 @@ def check_blocks(slow: Slow, cut: tuple[Block, ...]) -> None:
 def _unfit(rig: Rig, slow: Slow) -> list[tuple[slice, Finding]]:
     """Runs of instants at which a channel is frozen or clipped, and what is wrong there.
 
-    A force that stays the same to the last digit is frozen, with what the kernel mixes with it; an
-    NCP's place is while others move.
+    A force that stays the same to the last digit for long, or at a level it jumped to, is frozen,
+    with what the kernel mixes with it; an NCP's place is while others move, or where it jumps.
     """
     found: list[tuple[slice, Finding]] = []
     frozen = np.zeros(slow.force.shape, dtype=np.bool_)
+    places = slow.position.reshape(len(slow.time), -1)
+    leapt = [run for run, jumped in _standing(places) if jumped]
     for i, j in np.argwhere(rig.axes):
-        for run in _frozen(slow.force[:, i, j], slow.step):
-            frozen[run, i, j] = True
+        for run, jumped in _standing(slow.force[:, [i], j]):
+            frozen[run, i, j] = jumped or run.stop - run.start > _FROZEN / slow.step
     for i in range(rig.n):
         for run in runs(np.asarray(frozen[:, i].any(axis=1))):
             stands = np.ptp(slow.force[run, i], axis=0) <= _SAME * np.abs(slow.force[run.start, i])
@@ -133,40 +135,38 @@ def _unfit(rig: Rig, slow: Slow) -> list[tuple[slice, Finding]]:
             run = slice(max(run.start - _MIXED, 0), run.stop + _MIXED)
             found.append((run, Finding("stretch-frozen", (rig.supports[i],), values=values)))
         reason = Finding("stretch-standing", (rig.supports[i],))
-        still = _same(slow.position[:, i], _FROZEN / slow.step)
-        moved = (np.ptp(slow.position[run], axis=0).max() > _MOVES for run in still)
-        found += [(run, reason) for run, other in zip(still, moved, strict=True) if other]
+        for run in _same(slow.position[:, i]):
+            others = np.ptp(slow.position[run], axis=0).max() > _MOVES
+            jumped = any(run.start < one.stop and one.start < run.stop for one in leapt)
+            if run.stop - run.start >= _FROZEN / slow.step and (others or jumped):
+                found.append((slice(max(run.start - _MIXED, 0), run.stop + _MIXED), reason))
     return found + [(run, Finding("stretch-over-capacity")) for run in runs(slow.clipped)]
 
 
-def _frozen(force: FloatArray, step: float) -> list[slice]:
-    """Runs of instants at which a force (N,) is frozen: for long, or at a level it jumped to.
+def _standing(value: FloatArray) -> list[tuple[slice, bool]]:
+    """Runs of instants at which values (N, c) stay the same, and whether they jumped there.
 
-    It jumped where it went farther than twice what it ever goes in as much time elsewhere.
+    They jumped where they went farther than twice what they ever go in as much time elsewhere.
     """
-    stands = _same(force[:, None], 0)
-    near = np.zeros(len(force), dtype=np.bool_)
+    stands = _same(value)
+    near = np.zeros(len(value), dtype=np.bool_)
     for run in stands:
         near[max(run.start - _MIXED, 0) : run.stop + _MIXED] = True
-    way = np.abs(force[_MIXED:] - force[:-_MIXED])
+    way = np.abs(value[_MIXED:] - value[:-_MIXED]).max(axis=1)
     apart = ~(near[_MIXED:] | near[:-_MIXED])
     usual = way.max(initial=0.0, where=apart) if apart.any() else np.inf
 
     def jumped(run: slice) -> bool:
-        ends = force[[max(run.start - _MIXED, 0), min(run.stop - 1 + _MIXED, len(force) - 1)]]
-        return bool(np.abs(ends - force[run.start]).max() > _JUMP * usual)
+        ends = value[[max(run.start - _MIXED, 0), min(run.stop - 1 + _MIXED, len(value) - 1)]]
+        return bool(np.abs(ends - value[run.start]).max() > _JUMP * usual)
 
-    return [run for run in stands if run.stop - run.start > _FROZEN / step or jumped(run)]
+    return [(run, jumped(run)) for run in stands]
 
 
-def _same(value: FloatArray, least: float) -> list[slice]:
-    """Runs of more than so many instants, and two, at which values (N, c) stay the same."""
+def _same(value: FloatArray) -> list[slice]:
+    """Runs of two instants and more at which values (N, c) stay the same."""
     change = np.abs(np.diff(value, axis=0)) <= _SAME * np.abs(value[1:])
-    return [
-        slice(run.start, run.stop + 1)
-        for run in runs(np.asarray(change.all(axis=1)))
-        if run.stop - run.start >= max(2, int(np.ceil(least)))
-    ]
+    return [slice(run.start, run.stop + 1) for run in runs(np.asarray(change.all(axis=1)))]
 
 
 def gaps(slow: Slow) -> list[Finding]:
