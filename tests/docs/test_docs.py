@@ -15,7 +15,8 @@ from scipy.spatial.transform import Rotation
 
 from docs.generate import picture
 from tdfscal.cli import main
-from tdfscal.files.rig.reading import parse_rig
+from tdfscal.files.rig.reading import load_rig, parse_rig
+from tdfscal.logs import read_log
 from tests.docs.pages import DOCS, PAGES, anchors, blocks, commands, links, table, text
 from tests.reporting.samples import sketch
 
@@ -164,3 +165,21 @@ def test_the_picture_of_the_front_page_is_that_of_the_program(tmp_path: Path) ->
     made, shown = (image.imread(folder / "angles.png") for folder in (tmp_path, DOCS))
     assert made.shape == shown.shape
     assert np.abs(made - shown).mean() < 2e-3
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "mcap"])
+def test_the_sample_campaign_is_made_by_its_command(
+    form: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = [line for block in blocks("../README") for line in block.content.splitlines()]
+    (command,) = [line for line in lines if f"simulate sample_data/{form}" in line]
+    assert in_process(command.replace("sample_data", str(tmp_path)), monkeypatch) == 0
+    for name in ("rig.yaml", "truth.yaml"):
+        assert (tmp_path / form / name).read_text() == (SAMPLES / form / name).read_text()
+    names = ("ncp1", "ncp2", "ncp3")
+    logs = [
+        read_log([folder / f"log.{form}"], load_rig(folder / "rig.yaml").log, names)
+        for folder in (tmp_path / form, SAMPLES / form)
+    ]
+    for made, sample in zip(*(log.streams for log in logs), strict=True):
+        np.testing.assert_allclose(made.value, sample.value, rtol=0, atol=1e-9)
