@@ -17,7 +17,7 @@ import numpy as np
 
 from tdfscal.acceptance import Conformity, assess_stated, judge
 from tdfscal.estimation.observability import Observability
-from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion, worst_angle
+from tdfscal.estimation.score_tests import Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import UNDECLARED, Estimate, F, Quality, Uncertainty, beside
 from tdfscal.findings import Finding, Value, rejecting
 from tdfscal.frozen import record
@@ -25,7 +25,7 @@ from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.parameters import nominal
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, MonteCarlo
-from tdfscal.numerics.least_squares import ask
+from tdfscal.numerics.least_squares import ask_beside
 from tdfscal.records import Dwells, FloatArray, Rig, Rotations
 
 #: A sensor turned from its nominal mounting by more than this is not where it is said to be, rad.
@@ -240,9 +240,7 @@ class ChangeSearch:
     ) -> Change:
         """The best of S candidates with columns c: cᵀJ (S, g, p), cᵀc (S, g, g) and cᵀr (S, g)."""
         known = cross @ self.root
-        scale = np.maximum(np.trace(own, axis1=1, axis2=2), np.finfo(float).tiny)
-        left = own - known @ np.swapaxes(known, 1, 2)
-        asked = ask(left, score - known @ self.pull, NOISE_ONLY * scale)
+        asked = ask_beside(own, score - known @ self.pull, known)
         best = int(np.argmax(asked.statistic))
         fall, unknowns = float(asked.statistic[best]), int(asked.unknowns[best])
         amount = -asked.amount[best]

@@ -22,7 +22,7 @@ from tdfscal.estimation.uncertainty import Estimate, F, Uncertainty
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import field, record, replace
 from tdfscal.model.parameters import layout
-from tdfscal.numerics.least_squares import ask
+from tdfscal.numerics.least_squares import ask_beside
 from tdfscal.records import ANGLES, BoolArray, Drift, FloatArray, Rig
 from tdfscal.significance import (
     CAUSES_APART,
@@ -207,8 +207,6 @@ def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
     return tuple(replace(doubt, tied=doubt.tied or k > 0) for k, doubt in enumerate(near))
 
 
-#: Share of the columns' size below which what stands out of the fit's is rounding.
-NOISE_ONLY = 1e-9
 #: Group (a key of `CODES`; of each and a support the likeliest stays), support, whitened columns
 #: (rows, g), what they are per unit of the rig file, and the score (g,) that noise makes by
 #: standing in them: 0 where they hold no readings, or their noise cancels over the postures.
@@ -231,10 +229,8 @@ def speaking(
     for group, index, columns, unit, own in suspects:
         level = UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
         known = parts.left.T @ columns
-        whole = columns.T @ columns
         score = columns.T @ residual - share * own - known.T @ pulled
-        floor = NOISE_ONLY * max(float(np.trace(whole)), np.finfo(float).tiny)
-        asked = ask(whole - known.T @ known, score, floor)
+        asked = ask_beside(columns.T @ columns, score, known.T)
         p_value = asked.p_value(chi2, dof)
         if p_value > level:
             continue

@@ -21,7 +21,7 @@ import numpy as np
 from tdfscal.errors import DataError
 from tdfscal.estimation.fit import factored_information
 from tdfscal.estimation.judged import Change, ChangeSearch, change_suspicion
-from tdfscal.estimation.score_tests import NOISE_ONLY, Suspicion
+from tdfscal.estimation.score_tests import Suspicion
 from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
@@ -33,7 +33,7 @@ from tdfscal.motioncal.design import BlockDesign
 from tdfscal.motioncal.fit import MovingFit
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
-from tdfscal.numerics.least_squares import ask
+from tdfscal.numerics.least_squares import NOISE_ONLY, ask
 from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import CAUSES_APART, CHANGED_RIG
 

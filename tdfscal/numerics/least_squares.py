@@ -27,6 +27,8 @@ _NEAR = 0.1
 STEPS = 60
 #: A component below which no direction that is seen has it.
 _BLIND = 1e-6
+#: Share of the columns' size below which what stands out of the fit's is rounding.
+NOISE_ONLY = 1e-9
 #: Rows that are factored at once.
 _CHUNK = 1_200
 
@@ -93,13 +95,14 @@ class Asked:
     """How far residuals go to meet further columns, batched over leading axes.
 
     statistic : (...), fall of χ² (Rao 1948), by so many `unknowns` (...). amount, std : (..., g); ∞
-    where nothing is seen.
+    where nothing is seen. root : (..., g, g), of the amounts' covariance where something is.
     """
 
     statistic: FloatArray
     unknowns: IntArray
     amount: FloatArray
     std: FloatArray
+    root: FloatArray
 
     def p_value(self, chi2: float, dof: int) -> float:
         """Held against the scatter that remains without it, or it would excuse itself.
@@ -133,7 +136,17 @@ def ask(information: FloatArray, score: FloatArray, floor: FloatArray | float) -
         unknowns=seen.sum(axis=-1),
         amount=(vectors @ gain[..., None])[..., 0],
         std=np.where(blind, np.inf, np.linalg.norm(half, axis=-1)),
+        root=half,
     )
+
+
+def ask_beside(own: FloatArray, score: FloatArray, known: FloatArray) -> Asked:
+    """Test columns c beside parameters that follow them: cᵀc (..., g, g), and score (..., g).
+
+    known : (..., g, r), cᵀJ times a root of the parameters' covariance.
+    """
+    floor = NOISE_ONLY * np.maximum(np.trace(own, axis1=-2, axis2=-1), np.finfo(float).tiny)
+    return ask(own - known @ np.swapaxes(known, -1, -2), score, floor)
 
 
 def gram_root(gram: FloatArray, rows: int) -> FloatArray:

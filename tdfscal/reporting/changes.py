@@ -11,9 +11,9 @@ from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import clock_from
+from tdfscal.validation.causes import Cause
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
-from tdfscal.validation.residuals import Cause
 
 Tested = Validation | MovingValidation
 

@@ -211,8 +211,12 @@ def best_variance(columns: FloatArray, white: FloatArray, left: FloatArray) -> t
     unit, each = np.swapaxes(unit, 1, 2), values[heard]
     along, turned = (unit @ white[..., None])[heard][:, 0], (unit @ left)[heard]
     # Slope of the likelihood at 0, against its own scatter: most sensors ask for nothing.
-    asked = float(each @ (along**2 + np.sum(turned**2, axis=1) - 1.0))
-    if not len(each) or asked < _ASKED * np.sqrt(2.0 * float(each @ each)):
+    followed = np.sum(turned**2, axis=1)
+    asked = float(each @ (along**2 + followed - 1.0))
+    square = float(each**2 @ (1.0 - 2.0 * followed)) + float(
+        np.sum(((turned.T * each) @ turned) ** 2)
+    )
+    if not len(each) or asked < _ASKED * np.sqrt(2.0 * max(square, 0.0)):
         return 0.0, 0.0
     from scipy.optimize import minimize_scalar  # slow to import, seldom needed
 

@@ -1,34 +1,176 @@
 """What explains residual wrenches that a calibration does not: one cause at a time.
 
+A cause is a linear model e = H a + noise of the residual wrenches of all postures; it is judged by
+how far χ² falls when its q unknowns a are fitted (generalised least squares), less q ln N for N
+residuals (Schwarz, Ann. Stat. 6, 1978); the posture from which a step holds is an unknown too.
+Causes of few and many unknowns are so held against each other on one scale, twice the logarithm of
+their odds.
+
 Beside what may have changed since the calibration these are changes in the course of the log, a
 contact in some postures, and readings that scatter more than is stated, with one unknown.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from operator import attrgetter
+from typing import Literal
 
 import numpy as np
 
+from tdfscal.frozen import field, record
 from tdfscal.model.parameters import layout
+from tdfscal.model.postures import walk_modes
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.information import Contrast
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.score_tests import best_variance
-from tdfscal.validation.residuals import (
-    STEPS,
-    WEIGHT,
-    Cause,
-    Causes,
-    Kind,
-    Linearised,
-    Model,
-    Whitened,
-    basis,
-    explained,
-    fitted,
-)
+from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART
+from tdfscal.validation.residuals import Linearised, Whitened
+
+Kind = Literal[
+    "sensor turned",
+    "sensors turned",
+    "load changed",
+    "zero drifted",
+    "gain changed",
+    "gains changed",
+    "base tilted",
+    "contact",
+    "noise grown",
+    "zeros wander",
+    "zeros moved",
+    "hinges stick",
+    "sensor slipped",
+    "zero jumped",
+    "zeros drift",
+    "zeros follow temperature",
+]
+
+#: Causes that are a scatter, not a change: the test of all residuals together sees them.
+NOISE: tuple[Kind, ...] = ("noise grown", "zeros wander", "zeros moved", "hinges stick")
+#: Changes in the course of a log; the test of all residuals together sees them too.
+STEPS: tuple[Kind, ...] = ("sensor slipped", "zero jumped")
+COURSES: tuple[Kind, ...] = (*STEPS, "zeros drift", "zeros follow temperature")
+
+#: Order of causes, by the odds for them.
+WEIGHT = attrgetter("weight")
+
+
+@record
+class Cause:
+    """A possible cause, fitted by generalised least squares.
+
+    support : index, for a sensor's cause. postures : indices, for a contact; for a step the first
+    one from which on it holds, at rest, and the last where it ends again. between : s, of a step in
+    motion, times between which it lies with 95 %.
+    value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R), of all
+    sensors in turn where several did; a load's mass in kg and barycentre in m, as changes; a zero's
+    change in N, where it drifts the largest of each; a gain's change as S (6,): xx, yy, zz, yz, xz,
+    xy; the base's tilt in rad about x and y of the BCS; the standard deviation of more noise, of
+    the zeros' wander or of a move of all zeros, N, or of the hinges' friction, N·m, per axis and
+    posture. A contact has none here. gain : by how much χ² falls, with q unknowns. weight : the
+    same less what as many unknowns are worth (Schwarz). p_value : that chance alone lets it fall so
+    far. remaining_p : probability of the χ² that is left. size_std : of the length of value, along
+    itself, to first order; noise across it makes a length near none too large. columns : (m, q),
+    derivative of the residuals by its unknowns.
+    """
+
+    kind: Kind
+    support: int | None
+    postures: tuple[int, ...]
+    value: FloatArray
+    std: FloatArray
+    gain: float
+    weight: float
+    unknowns: int
+    p_value: float
+    remaining_p: float
+    size_std: float = np.nan
+    between: tuple[float, float] | None = None
+    columns: FloatArray | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def explains(self) -> bool:
+        """Nothing remarkable is left."""
+        return self.remaining_p >= CAUSE_EXPLAINS
+
+    @property
+    def scatters(self) -> bool:
+        """It is a scatter, not a change."""
+        return self.kind in NOISE
+
+    @property
+    def told(self) -> bool:
+        """Its size is told from none."""
+        return self.p_value < CAUSE_EXPLAINS
+
+
+@record
+class Causes:
+    """Single causes, the most likely first.
+
+    best : one per kind and support or posture, the likeliest of its shapes. tried : how many could
+    have looked like the likeliest by chance.
+    """
+
+    best: tuple[Cause, ...]
+    tried: int
+
+    @property
+    def suspected(self) -> tuple[Cause, ...]:
+        """The causes that explain the residuals and cannot be told apart, the likeliest first.
+
+        One whose size may as well be none is not among them: near the limit it explains the
+        residuals as nothing would.
+        """
+        explaining = [cause for cause in self.best if cause.explains and cause.told]
+        if not explaining:
+            return ()
+        most = explaining[0].weight
+        # What explains less well than another that leaves too much is not the cause.
+        if self.best[0].weight - most >= CAUSES_APART:
+            return ()
+        return tuple(c for c in explaining if most - c.weight < CAUSES_APART)
+
+
+@record
+class Model:
+    """Derivative (m, q) by the unknowns, of parameters by `shape` (p, q), which gives them back."""
+
+    kind: Kind
+    support: int | None
+    postures: tuple[int, ...]
+    columns: FloatArray
+    shape: FloatArray | None = None
+
+
+def fitted(model: Model, given: Whitened) -> Cause:
+    """Fit a cause to the residuals.
+
+    What changed is minus what would cancel it: e is linear about the estimate.
+    """
+    asked = given.ask(model.columns)
+    shape = np.eye(len(asked.amount)) if model.shape is None else model.shape
+    root, value = shape @ asked.root, -shape @ asked.amount
+    along = value / (np.linalg.norm(value) or 1.0)
+    gain, unknowns = float(asked.statistic), int(asked.unknowns)
+    ends = len(model.postures) * (model.kind in STEPS)
+    return Cause(
+        kind=model.kind,
+        support=model.support,
+        postures=model.postures,
+        value=value,
+        std=np.linalg.norm(root, axis=1),
+        size_std=float(np.linalg.norm(along @ root)),
+        gain=gain,
+        weight=gain - (unknowns + ends) * given.worth,
+        unknowns=unknowns,
+        p_value=float(chi2_sf(gain, unknowns)),
+        remaining_p=float(chi2_sf(max(given.chi2 - gain, 0.0), given.dof - unknowns)),
+        columns=model.columns,
+    )
+
 
 #: What steps on the way, and the parameters that stand for it.
 _STEPPING = dict(zip(STEPS, ("rotation", "zero"), strict=True))
@@ -46,9 +188,7 @@ _TOUCHED = 0.4
 #: Postures up to which noise that connects them is tried, and zeros that jump and return: the work
 #: grows with their cube, and with their square.
 _CONNECTED = 60
-#: Postures over which a zero is off before it returns; in one a contact is as likely.
-_SHORTEST = 2
-#: Postures that are tried as in contact, those with the largest residuals.
+#: Postures that are tried as in contact, those that a wrench explains most of.
 _SUSPECTS = 20
 
 
@@ -63,15 +203,13 @@ def causes(given: Whitened) -> Causes:
         if key not in best or cause.weight > best[key].weight:
             best[key] = cause
     tried = len(models) + (len(given.at.own) if contacts else 0)
-    found = [*best.values(), *_scatters(given, models), _zeros_moved(given, models)]
+    found = [*best.values(), *_scatters(given)]
     # What looks alike to rounding stays in the order above.
     return Causes(tuple(sorted(found, key=lambda cause: -round(cause.weight, 6))), tried)
 
 
 def unknown_columns(cause: Cause, at: Linearised) -> FloatArray:
     """Derivative (m, q) of residuals by what a cause changes; none of a zero, nor of a scatter."""
-    if cause.kind == "contact":
-        return _touching(at.own, cause.postures)
     if cause.columns is None or cause.kind == "zero drifted":
         return at.columns[:, :0]
     return cause.columns
@@ -116,7 +254,7 @@ def _in_course(given: Whitened) -> Iterator[Model]:
             begin = layout(at.sensors)[group].start + 3 * i
             columns = at.columns[:, begin : begin + 3]
             returns = group == "zero" and len(at.own) <= _CONNECTED
-            run = _likeliest_run(given, columns, returns=returns)
+            run = given.likeliest_run(columns, returns=returns)
             during = np.repeat(at.course.step(*run), 6, axis=0)
             yield Model(kind, i, run, columns * during)
     by_zero = at.zero_columns.reshape(len(at.own), 6, at.sensors, 3)
@@ -131,121 +269,42 @@ def _in_course(given: Whitened) -> Iterator[Model]:
             yield Model(drift, i, (), columns.reshape(len(at.columns), -1), np.asarray(back))
 
 
-def _likeliest_run(given: Whitened, columns: FloatArray, *, returns: bool) -> tuple[int, ...]:
-    """The posture from which on a step of these columns (6K, 3) lowers χ² most.
+def _scatters(given: Whitened) -> list[Cause]:
+    """More noise than is stated: of all forces (1/f too), of one sensor, of moments (friction).
 
-    returns : whether it may end again, behind the second one, where that is worth an unknown.
-    Score and information of every run are sums of its postures' own blocks.
+    That all zeros moved once, as a tare does it, and that they wander is noise along their columns
+    that connects the postures.
     """
-    K, order = len(given.at.own), np.argsort(given.at.course.time, kind="stable")
-    y, M = given.unfolded
-    first, end = np.triu_indices(K + 1, _SHORTEST)
-    kept = (first > 0) & ((end == K) | returns)
-    first, end = np.append(first[kept], K - 1), np.append(end[kept], K)
-
-    def during(other: FloatArray) -> FloatArray:
-        """Sums (runs, 3, …) over the postures of each run."""
-        each = np.einsum("kba,kbm->kam", columns.reshape(K, 6, 3), other.reshape(K, 6, -1))
-        total = np.cumsum(np.concatenate([np.zeros_like(each[:1]), each[order]]), axis=0)
-        return np.asarray(total[end] - total[first])
-
-    score, common = during(y), during(M)
-    information = during(columns) - common @ np.swapaxes(common, 1, 2)
-    seen = np.linalg.pinv(information, rcond=1e-9, hermitian=True)
-    worth = np.sum(score * (seen @ score), axis=(1, 2)) - given.worth * (end < K)
-    best = int(np.argmax(worth))
-    ends = [first[best]] if end[best] == K else [first[best], end[best] - 1]
-    return tuple(order[ends].tolist())
-
-
-def _scatters(given: Whitened, models: Sequence[Model]) -> list[Cause]:
-    """More noise than is stated: of all forces (1/f too), of one sensor, of moments (friction)."""
-    K, n = len(given.at.own), given.at.sensors
+    at, K, n = given.at, len(given.at.own), given.at.sensors
+    found = [_scatter(given, "zeros moved", None, at.zero_columns[None])]
     if not K:
-        return []
-    zero = given.at.zero_columns.reshape(K, 6, n, 3)
-    each = np.eye(K)
-    suspects: list[tuple[Kind, int | None, FloatArray, FloatArray]] = [
-        ("noise grown", None, zero.reshape(K, 6, -1), each),
-        *(("noise grown", i, zero[:, :, i], each) for i in range(n)),
-        ("hinges stick", None, given.at.own[:, :, 3:], each),
+        return found
+    zero = at.zero_columns.reshape(K, 6, n, 3)
+    found += [
+        _scatter(given, "noise grown", None, zero.reshape(K, 6, -1)),
+        *(_scatter(given, "noise grown", i, zero[:, :, i]) for i in range(n)),
+        _scatter(given, "hinges stick", None, at.own[:, :, 3:]),
     ]
-    found = [_scatter(given, models, *suspect) for suspect in suspects]
     if 1 < K <= _CONNECTED:
-        elapsed = given.at.course.time - given.at.course.time.min()
-        walk = np.minimum(elapsed[:, None], elapsed) / max(float(elapsed.max()), 1e-9)
-        columns = zero.reshape(K, 6, -1)
-        found.append(_scatter(given, models, "zeros wander", None, columns, walk))
+        span = max(float(np.ptp(at.course.time)), 1e-9)
+        modes = walk_modes(span**-0.5, at.course.time)[0]
+        walk = np.einsum("kanj,kg->kagnj", zero, modes).reshape(1, 6 * K, -1)
+        found.append(_scatter(given, "zeros wander", None, walk))
     return found
 
 
-def _zeros_moved(given: Whitened, models: Sequence[Model]) -> Cause:
-    """All zeros moved once, as a tare does it: a variance along their columns."""
-    columns = given.columns[:, layout(given.at.sensors)["zero"]]
-    U, s, _ = np.linalg.svd(columns, full_matrices=False)
-    along = U.T @ given.residual
-    theta, gain = best_variance(np.diag(s)[None], along[None], np.zeros((1, len(s), 0)))
-    shrink = 1.0 - 1.0 / np.sqrt(1.0 + theta * s**2)
-
-    def weighted(columns: FloatArray) -> FloatArray:
-        return np.asarray(columns - (U * shrink) @ (U.T @ columns))
-
-    return _scatter_cause(given, models, "zeros moved", None, weighted, theta, gain)
-
-
-def _scatter(
-    given: Whitened,
-    models: Sequence[Model],
-    kind: Kind,
-    support: int | None,
-    columns: FloatArray,
-    together: FloatArray,
-) -> Cause:
-    """A variance along columns (K, 6, m); it explains where, weighted by it, nothing stands out.
-
-    columns : white in each posture's own noise. together : (K, K), correlation of the postures.
-    """
-    K = len(columns)
-    if K <= _CONNECTED:
-        blocks = np.einsum("kl,kac,lbc->kalb", together, columns, columns, optimize=True)
-        half = given.white(blocks.reshape(6 * K, 6 * K))
-        H = given.white(half.T)[None]
-    else:  # what the calibration's error connects is a small part of so many
-        H = columns @ np.swapaxes(columns, 1, 2)
-    values, vectors = np.linalg.eigh((H + np.swapaxes(H, 1, 2)) / 2)
-    values = np.maximum(values, 0.0)
-    root, parts = vectors * np.sqrt(values)[:, None, :], values.shape
-    white = given.residual.reshape(parts)
-    theta, gain = best_variance(root, white, np.zeros((*parts, 0)))
-    shrink = 1.0 / np.sqrt(1.0 + theta * values)
-    weight = (vectors * shrink[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-
-    def weighted(columns: FloatArray) -> FloatArray:
-        return np.asarray((weight @ columns.reshape(*parts, -1)).reshape(6 * K, -1))
-
-    return _scatter_cause(given, models, kind, support, weighted, theta, gain)
-
-
-def _scatter_cause(
-    given: Whitened,
-    models: Sequence[Model],
-    kind: Kind,
-    support: int | None,
-    weighted: Callable[[FloatArray], FloatArray],
-    theta: float,
-    gain: float,
-) -> Cause:
-    """A variance θ that lowers −2 ln L by `gain`; weighted : columns white with it."""
-    rest, K = weighted(given.residual[:, None])[:, 0], len(given.at.own)
-    p = [float(chi2_sf(rest @ rest, given.dof))]
-    if K:
-        each = np.sum(rest.reshape(K, 6) ** 2, axis=1)
-        p.append(K * float(chi2_sf(each.max(), 6)))
-    for model in models:
-        span = basis(weighted(given.white(model.columns)))
-        along = span.T @ rest
-        p.append(len(models) * float(chi2_sf(along @ along, max(span.shape[1], 1))))
+def _scatter(given: Whitened, kind: Kind, support: int | None, columns: FloatArray) -> Cause:
+    """A variance along columns (G, m / G, c); it explains where, beside it, nothing stands out."""
+    rows = columns.shape[:2]
+    common = given.common.reshape(*rows, -1)
+    theta, gain = best_variance(columns, given.residual.reshape(rows), common)
     size = np.sqrt(theta)
+    rest = given.scattered(size * columns) if theta > 0 else given
+    models, alone = _models(rest.at), rest.wrenches
+    asked = [rest.ask(model.columns) for model in models]
+    p = [float(chi2_sf(rest.chi2, rest.dof))]
+    p += [len(models) * float(chi2_sf(of.statistic, max(int(of.unknowns), 1))) for of in asked]
+    p += (len(alone.unknowns) * chi2_sf(alone.statistic, np.maximum(alone.unknowns, 1))).tolist()
     return Cause(
         kind=kind,
         support=support,
@@ -261,42 +320,28 @@ def _scatter_cause(
     )
 
 
-def _touching(own: FloatArray, postures: Sequence[int]) -> FloatArray:
-    """Derivative (6K, 6c) of residual wrenches by a contact wrench in each of c postures."""
-    columns = np.zeros((len(own), 6, 6 * len(postures)))
+def _touching(own: FloatArray, postures: Sequence[int]) -> Model:
+    """A contact wrench in each of c postures; its size is told by the residual wrenches."""
+    columns = np.zeros((len(own), 6, len(postures), 6))
     for place, k in enumerate(postures):
-        columns[k, :, 6 * place : 6 * place + 6] = own[k]
-    return columns.reshape(-1, columns.shape[2])
+        columns[k, :, place] = own[k]
+    wrenches = columns.reshape(6 * len(own), -1)
+    return Model("contact", None, tuple(postures), wrenches, np.zeros((0, wrenches.shape[1])))
 
 
 def _contacts(given: Whitened, rival: Cause) -> list[Cause]:
-    """Contact in one posture each; where none explains all, in more of them, one by one.
-
-    Score and information of a wrench in each come from the suspects' own blocks.
-    """
-    K = len(given.at.own)
-    if K < 2:
+    """Contact in one posture each; where none explains all, in more of them, one by one."""
+    own = given.at.own
+    if len(own) < 2:
         return []
-    off = np.sum(given.residual.reshape(K, 6) ** 2, axis=1)
-    suspects = np.argsort(off)[::-1][:_SUSPECTS]
-    own, (y, M) = given.at.own[suspects], given.unfolded
-    score = np.einsum("kba,kb->ka", own, y.reshape(K, 6)[suspects]).ravel()
-    common = np.einsum("kba,kbm->kam", own, M.reshape(K, 6, -1)[suspects]).reshape(len(score), -1)
-    each = block_diagonal(*np.swapaxes(own, 1, 2) @ own)
-    seen = Contrast(each - common @ common.T, score)
-
-    def touched(places: Sequence[int]) -> Cause:
-        rows = (6 * np.array(places)[:, None] + np.arange(6)).ravel()
-        postures = tuple(sorted(suspects[list(places)].tolist()))
-        return explained(given, "contact", *seen.chi2(rows), postures=postures)
-
-    found = [touched([k]) for k in range(len(suspects))]
-    places = [int(np.argmax([cause.weight for cause in found]))]
-    best = found[places[0]]
-    while not best.explains and not rival.explains and len(places) + 1 <= _TOUCHED * K:
-        more = [[*places, k] for k in range(len(suspects)) if k not in places]
-        if not more:
+    suspects = np.argsort(given.wrenches.statistic)[::-1][:_SUSPECTS].tolist()
+    found = [fitted(_touching(own, [k]), given) for k in suspects]
+    best = max(found, key=WEIGHT)
+    while not best.explains and not rival.explains:
+        touched = best.postures
+        more = [sorted([*touched, k]) for k in suspects if k not in touched]
+        if not more or len(touched) + 1 > _TOUCHED * len(own):
             break
-        best, places = max(((touched(p), p) for p in more), key=lambda one: one[0].weight)
+        best = max((fitted(_touching(own, each), given) for each in more), key=WEIGHT)
         found.append(best)
     return found

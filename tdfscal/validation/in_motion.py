@@ -38,8 +38,9 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import block_diagonal, spectrum
 from tdfscal.records import Rig, UncertainValue
 from tdfscal.selfcal.preparation import check_positions
+from tdfscal.validation.causes import Cause
 from tdfscal.validation.residual_wrench import judged_by, refuse_misread
-from tdfscal.validation.residuals import Cause, Course, Linearised, moving_zeros
+from tdfscal.validation.residuals import Course, Linearised, moving_zeros
 from tdfscal.validation.verdict import (
     Judged,
     Verdict,

@@ -30,8 +30,8 @@ from tdfscal.selfcal.misreadings import Misreading, Mistake, misreading
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.preparation import check_positions, misread
 from tdfscal.significance import BETTER, CAUSES_APART, MISFIT, MOST_POSTURES
-from tdfscal.validation import causes
-from tdfscal.validation.residuals import Cause, Course, Linearised, Whitened, moving_zeros
+from tdfscal.validation.causes import Cause, causes
+from tdfscal.validation.residuals import Course, Linearised, Whitened, moving_zeros
 from tdfscal.validation.verdict import (
     Judged,
     Verdict,
@@ -205,7 +205,7 @@ def validate(
 
 def judged_by(white: Whitened, known: KnownNoise = AS_STATED) -> Judged:
     """Residuals held against chance: all together, and what looks most like one single cause."""
-    found = causes.causes(white)
+    found = causes(white)
     overall = known.chi2_sf(white.chi2, white.dof) if white.dof > 0 else 1.0
 
     def chance(cause: Cause) -> float:

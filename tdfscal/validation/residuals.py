@@ -1,28 +1,20 @@
-"""Residual wrenches at a calibration, all that correlates them taken away; causes fitted to them.
-
-A cause is a linear model e = H a + noise of the whitened residual wrenches of all postures; it is
-judged by how far χ² falls when its q unknowns a are fitted (generalised least squares), less q ln N
-for N residuals (Schwarz, Ann. Stat. 6, 1978); the posture from which a step holds is an unknown
-too. Causes of few and many unknowns are so held against each other on one scale, twice the
-logarithm of their odds.
-"""
+"""Residual wrenches at a calibration, and all that correlates them."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from operator import attrgetter
-from typing import Literal
+from functools import cached_property
 
 import numpy as np
 
-from tdfscal.frozen import field, record, replace
-from tdfscal.model.calibrated import Calibrated
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.model.postures import ZeroMotion
-from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import block_diagonal
+from tdfscal.numerics.least_squares import Asked, ask_beside, block_diagonal
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
-from tdfscal.significance import CAUSE_EXPLAINS, CAUSES_APART
+
+#: Postures over which a zero is off before it returns; in one a contact is as likely.
+_SHORTEST = 2
 
 
 @record
@@ -93,32 +85,32 @@ class Linearised:
 
 @record
 class Whitened:
-    """Residual wrenches of K postures with all that correlates them taken away.
+    """Residual wrenches of K postures beside all that may correlate them.
 
-    at : the same, white in each posture's own noise only. residual : (m,), white altogether; m is
-    6K, or as many as a motion determines. columns : (m, P), its derivative by the calibrated
-    parameters. common : (m, r), H of the inverse root I − H Hᵀ for the calibration's error, which
-    is common to all postures. free : (m, f), orthonormal, directions of parameters that nobody
-    knows; the residual has no part in them. spread : ln det of the residuals' covariance, by what
-    it is without the calibration's error.
+    at : the same, white in each posture's own noise only. root, unknown : of all P + E parameters'
+    covariance, and those of which nothing is known. common : M (m, q), what the best parameters do
+    to the residuals: their covariance's inverse is I − M Mᵀ. residual : (m,), at these parameters.
+    spread : ln det of the residuals' covariance, by what it is without the calibration's error.
+    free : directions of the residuals that what is unknown takes.
     """
 
     at: Linearised
-    residual: FloatArray
-    columns: FloatArray
+    root: FloatArray
+    unknown: BoolArray
     common: FloatArray
-    free: FloatArray
+    residual: FloatArray
     spread: float
+    free: int
 
     @property
     def chi2(self) -> float:
         """χ² of all residual wrenches together."""
-        return float(self.residual @ self.residual)
+        return float(self.at.residual @ self.residual)
 
     @property
     def dof(self) -> int:
         """Its degrees of freedom."""
-        return int(self.at.rows - self.free.shape[1])
+        return int(self.at.rows - self.free)
 
     @property
     def worth(self) -> float:
@@ -128,42 +120,91 @@ class Whitened:
     @property
     def deviance(self) -> float:
         """−2 ln of the residuals' likelihood, but for a constant of the log."""
-        return float(self.chi2 + self.spread + self.worth * self.free.shape[1])
+        return float(self.chi2 + self.spread + self.worth * self.free)
 
-    @property
-    def unfolded(self) -> tuple[FloatArray, FloatArray]:
-        """Return y (m,) and M (m, r + f): y = Aᵀ residual, AᵀA = I − M Mᵀ, A the whitening.
+    def information(self, columns: FloatArray) -> FloatArray:
+        """Information (c, c) on what moves the residuals along columns (m, c)."""
+        known = self.common.T @ columns
+        return np.asarray(columns.T @ columns - known.T @ known)
 
-        By them score and information of columns come from the rows where these are not 0.
+    def ask(self, columns: FloatArray) -> Asked:
+        """How far the residuals go to meet columns (m, c)."""
+        known = columns.T @ self.common
+        return ask_beside(columns.T @ columns, columns.T @ self.residual, known)
+
+    @cached_property
+    def wrenches(self) -> Asked:
+        """How far they go to meet a wrench in each of the K postures alone."""
+        K = len(self.at.own)
+        common, residual = (
+            x[: 6 * K].reshape(K, 6, x.shape[1]) for x in (self.common, self.residual[:, None])
+        )
+        across = np.swapaxes(self.at.own, 1, 2)
+        return ask_beside(across @ self.at.own, (across @ residual)[..., 0], across @ common)
+
+    def likeliest_run(self, columns: FloatArray, *, returns: bool) -> tuple[int, ...]:
+        """The posture from which on a step of these columns (6K, 3) lowers χ² most.
+
+        returns : whether it may end again, behind the second one, where that is worth an unknown.
+        Score and information of every run are sums of its postures' own blocks.
         """
-        H, F = self.common, self.free
-        M = np.hstack([H * np.sqrt(2.0 - np.sum(H**2, axis=0)), F - H @ (H.T @ F)])
-        return self.residual - H @ (H.T @ self.residual), M
+        K, order = len(self.at.own), np.argsort(self.at.course.time, kind="stable")
+        first, end = np.triu_indices(K + 1, _SHORTEST)
+        kept = (first > 0) & ((end == K) | returns)
+        first, end = np.append(first[kept], K - 1), np.append(end[kept], K)
+        across = np.swapaxes(columns.reshape(K, 6, 3), 1, 2)[order]
+        rows = np.hstack([columns, self.common, self.residual[:, None]]).reshape(K, 6, -1)
+        each = across @ rows[order]
+        total = np.cumsum(np.concatenate([np.zeros_like(each[:1]), each]), axis=0)
+        own, known, score = np.split(total[end] - total[first], [3, each.shape[2] - 1], axis=2)
+        asked = ask_beside(own, score[..., 0], known)
+        best = int(np.argmax(asked.statistic - self.worth * (end < K)))
+        ends = [first[best]] if end[best] == K else [first[best], end[best] - 1]
+        return tuple(order[ends].tolist())
 
-    def white(self, columns: FloatArray) -> FloatArray:
-        """Columns (6K, c), whitened posture by posture already, made white altogether."""
-        white = columns - self.common @ (self.common.T @ columns)
-        return np.asarray(white - self.free @ (self.free.T @ white))
+    def scattered(self, columns: FloatArray) -> Whitened:
+        """The same with noise of variance 1 along columns (G, m / G, c), of G groups of rows."""
+        at, groups = self.at, len(columns)
+        if groups == 1:  # it connects the postures, as a parameter does
+            c = columns[0].shape[1]
+            at = replace(at, columns=np.hstack([at.columns, columns[0]]))
+            root, unknown = (
+                block_diagonal(self.root, np.eye(c)),
+                np.append(self.unknown, [False] * c),
+            )
+            return whiten(at, root, unknown)
+        U, s, _ = np.linalg.svd(columns, full_matrices=False)
+        weight = np.eye(U.shape[1]) - (U * (1 - 1 / np.hypot(1.0, s))[:, None]) @ np.swapaxes(
+            U, 1, 2
+        )
+
+        def weighted(rows: FloatArray) -> FloatArray:
+            return np.asarray((weight @ rows.reshape(*U.shape[:2], -1)).reshape(rows.shape))
+
+        at = replace(
+            at,
+            residual=weighted(at.residual),
+            columns=weighted(at.columns),
+            own=weight @ at.own,
+        )
+        return whiten(at, self.root, self.unknown)
 
 
-def whiten(at: Linearised, given: Calibrated) -> Whitened:
-    """Take away the error of a calibration, which is common to all postures, from residuals.
+def whiten(at: Linearised, root: FloatArray, unknown: BoolArray) -> Whitened:
+    """Residuals beside parameters of covariance U Uᵀ, and some of which nothing is known.
 
-    given : P parameters with their covariance U Uᵀ; of those that are open nothing is known. The
-    residuals are at its state.
-
-    With B the columns times U the covariance is I + B Bᵀ; by the singular values s of B its
-    inverse root is I − V (1 − 1/√(1 + s²)) Vᵀ.
+    With B the columns times U the residuals' covariance is I + B Bᵀ; by its singular values s the
+    inverse is I − V s²/(1 + s²) Vᵀ.
     """
-    root = block_diagonal(given.root, at.own_root)
-    unknown = np.concatenate([given.open, at.own_unknown])
     V, s, _ = np.linalg.svd(at.columns @ root, full_matrices=False)
-    common, spread = V * np.sqrt(1 - 1 / np.sqrt(1 + s**2)), float(np.sum(np.log1p(s**2)))
-    none = np.zeros((len(at.columns), 0))
-    start = Whitened(at, at.residual, at.columns, common, none, spread)
-    known = replace(start, free=basis(start.white(at.columns[:, unknown])))
-    white = known.white(at.residual[:, None])[:, 0]
-    return replace(known, residual=white, columns=known.white(at.columns))
+    known = V * (s / np.hypot(1.0, s))
+    half = V * (1 - 1 / np.hypot(1.0, s))
+    open_ = at.columns[:, unknown]
+    free = basis(open_ - half @ (V.T @ open_))
+    common = np.hstack([known, free - half @ (V.T @ free)])
+    residual = at.residual - common @ (common.T @ at.residual)
+    spread = float(np.sum(np.log1p(s**2)))
+    return Whitened(at, root, unknown, common, residual, spread, free.shape[1])
 
 
 def moving_zeros(rig: Rig, motion: ZeroMotion | None) -> tuple[FloatArray, BoolArray]:
@@ -180,170 +221,3 @@ def basis(columns: FloatArray) -> FloatArray:
     size = np.linalg.norm(columns, axis=0)
     U, s, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
     return np.asarray(U[:, s > 1e-9 * s.max(initial=0.0)])
-
-
-Kind = Literal[
-    "sensor turned",
-    "sensors turned",
-    "load changed",
-    "zero drifted",
-    "gain changed",
-    "gains changed",
-    "base tilted",
-    "contact",
-    "noise grown",
-    "zeros wander",
-    "zeros moved",
-    "hinges stick",
-    "sensor slipped",
-    "zero jumped",
-    "zeros drift",
-    "zeros follow temperature",
-]
-
-#: Causes that are a scatter, not a change: the test of all residuals together sees them.
-NOISE: tuple[Kind, ...] = ("noise grown", "zeros wander", "zeros moved", "hinges stick")
-#: Changes in the course of a log; the test of all residuals together sees them too.
-STEPS: tuple[Kind, ...] = ("sensor slipped", "zero jumped")
-COURSES: tuple[Kind, ...] = (*STEPS, "zeros drift", "zeros follow temperature")
-
-#: Of a contact, which is told by the residual wrench.
-NO_SIZE = np.zeros(0)
-
-#: Order of causes, by the odds for them.
-WEIGHT = attrgetter("weight")
-
-
-@record
-class Cause:
-    """A possible cause, fitted by generalised least squares.
-
-    support : index, for a sensor's cause. postures : indices, for a contact; for a step the first
-    one from which on it holds, at rest, and the last where it ends again. between : s, of a step in
-    motion, times between which it lies with 95 %.
-    value, std : (q,), its unknowns: a turn in rad (rx, ry, rz, BCS: R_now = exp([a]×) R), of all
-    sensors in turn where several did; a load's mass in kg and barycentre in m, as changes; a zero's
-    change in N, where it drifts the largest of each; a gain's change as S (6,): xx, yy, zz, yz, xz,
-    xy; the base's tilt in rad about x and y of the BCS; the standard deviation of more noise, of
-    the zeros' wander or of a move of all zeros, N, or of the hinges' friction, N·m, per axis and
-    posture. A contact has none here. gain : by how much χ² falls, with q unknowns. weight : the
-    same less what as many unknowns are worth (Schwarz). p_value : that chance alone lets it fall so
-    far. remaining_p : probability of the χ² that is left. size_std : of the length of value, along
-    itself, to first order; noise across it makes a length near none too large. columns : (m, q),
-    derivative of the residuals by its unknowns.
-    """
-
-    kind: Kind
-    support: int | None
-    postures: tuple[int, ...]
-    value: FloatArray
-    std: FloatArray
-    gain: float
-    weight: float
-    unknowns: int
-    p_value: float
-    remaining_p: float
-    size_std: float = np.nan
-    between: tuple[float, float] | None = None
-    columns: FloatArray | None = field(default=None, compare=False, repr=False)
-
-    @property
-    def explains(self) -> bool:
-        """Nothing remarkable is left."""
-        return self.remaining_p >= CAUSE_EXPLAINS
-
-    @property
-    def scatters(self) -> bool:
-        """It is a scatter, not a change."""
-        return self.kind in NOISE
-
-    @property
-    def told(self) -> bool:
-        """Its size is told from none."""
-        return self.p_value < CAUSE_EXPLAINS
-
-
-@record
-class Causes:
-    """Single causes, the most likely first.
-
-    best : one per kind and support or posture, the likeliest of its shapes. tried : how many could
-    have looked like the likeliest by chance.
-    """
-
-    best: tuple[Cause, ...]
-    tried: int
-
-    @property
-    def suspected(self) -> tuple[Cause, ...]:
-        """The causes that explain the residuals and cannot be told apart, the likeliest first.
-
-        One whose size may as well be none is not among them: near the limit it explains the
-        residuals as nothing would.
-        """
-        explaining = [cause for cause in self.best if cause.explains and cause.told]
-        if not explaining:
-            return ()
-        most = explaining[0].weight
-        # What explains less well than another that leaves too much is not the cause.
-        if self.best[0].weight - most >= CAUSES_APART:
-            return ()
-        return tuple(c for c in explaining if most - c.weight < CAUSES_APART)
-
-
-@record
-class Model:
-    """Derivative (m, q) by the unknowns, of parameters by `shape` (p, q), which gives them back."""
-
-    kind: Kind
-    support: int | None
-    postures: tuple[int, ...]
-    columns: FloatArray
-    shape: FloatArray | None = None
-
-
-def fitted(model: Model, given: Whitened) -> Cause:
-    """Fit a cause to the residuals.
-
-    What changed is minus what would cancel it: e is linear about the estimate.
-    """
-    columns = given.white(model.columns)
-    size = np.linalg.norm(columns, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    U, s, Vt = np.linalg.svd(columns / size, full_matrices=False)
-    seen = s > 1e-9 * s.max(initial=0.0)
-    along = U[:, seen].T @ given.residual
-    gain, q = float(along @ along), int(seen.sum())
-    root = (Vt[seen].T / s[seen]) / size[:, None]
-    if model.shape is not None:
-        root = model.shape @ root
-    sizes = -(root @ along), np.linalg.norm(root, axis=1)
-    found = explained(given, model.kind, gain, q, model.support, model.postures, *sizes)
-    along = found.value / (np.linalg.norm(found.value) or 1.0)
-    size_std = float(np.linalg.norm(along @ root))
-    return replace(found, size_std=size_std, columns=model.columns)
-
-
-def explained(
-    given: Whitened,
-    kind: Kind,
-    gain: float,
-    unknowns: int,
-    support: int | None = None,
-    postures: tuple[int, ...] = (),
-    value: FloatArray = NO_SIZE,
-    std: FloatArray = NO_SIZE,
-) -> Cause:
-    """A cause of so many unknowns that lowers χ² of the residuals by `gain`; the rest as there."""
-    return Cause(
-        kind=kind,
-        support=support,
-        postures=postures,
-        value=value,
-        std=std,
-        gain=gain,
-        weight=gain - (unknowns + len(postures) * (kind in STEPS)) * given.worth,
-        unknowns=unknowns,
-        p_value=float(chi2_sf(gain, unknowns)),
-        remaining_p=float(chi2_sf(max(given.chi2 - gain, 0.0), given.dof - unknowns)),
-    )

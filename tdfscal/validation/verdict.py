@@ -28,17 +28,8 @@ from tdfscal.significance import (
     VALIDATION_CHI2,
     VALIDATION_SEARCH,
 )
-from tdfscal.validation.causes import unknown_columns
-from tdfscal.validation.residuals import (
-    COURSES,
-    NOISE,
-    Cause,
-    Causes,
-    Linearised,
-    Whitened,
-    basis,
-    whiten,
-)
+from tdfscal.validation.causes import COURSES, NOISE, Cause, Causes, unknown_columns
+from tdfscal.validation.residuals import Linearised, Whitened, basis, whiten
 
 #: Does it hold; unproven: nothing speaks against it, but the log cannot show that it holds;
 #: touched: the check is what is wrong, not the calibration.
@@ -183,9 +174,10 @@ class Verdict:
         threshold = special.chdtri(3, VALIDATION_SEARCH * _TURNED / self.rig.n)
         offset = float(special.chndtrinc(threshold, 3, 1 - DETECTION_POWER))
         white = self.judged.tared or self.judged.white
-        turns = white.columns[:, layout(self.rig.n)["rotation"]]
+        turns = white.at.columns[:, layout(self.rig.n)["rotation"]]
+        seen = np.maximum(np.diagonal(white.information(turns)), 0.0)
         with np.errstate(divide="ignore"):
-            return np.asarray(np.sqrt(offset / np.sum(turns**2, axis=0))).reshape(-1, 3)
+            return np.asarray(np.sqrt(offset / seen)).reshape(-1, 3)
 
     @property
     def holds(self) -> bool:
@@ -210,8 +202,14 @@ def judged_with_zeros(
     stated = np.where(np.isinf(std), given.state.zero.ravel(), rig.zero.value.ravel())
     step = stated - given.state.zero.ravel()
     tared = redrawn(given, zero=(stated.reshape(rig.n, 3), np.diag(std**2)))
-    same = judge(whiten(at, given))
-    fresh = judge(whiten(replace(at, residual=at.residual + at.zero_columns @ step), tared))
+
+    def beside(by: Calibrated, residual: FloatArray) -> Judged:
+        root = block_diagonal(by.root, at.own_root)
+        unknown = np.concatenate([by.open, at.own_unknown])
+        return judge(whiten(replace(at, residual=residual), root, unknown))
+
+    same = beside(given, at.residual)
+    fresh = beside(tared, at.residual + at.zero_columns @ step)
 
     def no_tare(cause: Cause) -> bool:
         if cause.kind == "zeros moved":
