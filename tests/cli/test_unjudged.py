@@ -17,7 +17,7 @@ from tdfscal.records import CampaignInfo, Rig
 from tdfscal.simulation import Faults, Options, Slip, reference_rig, scenarios
 from tdfscal.simulation.options import MovingOptions, Touch
 from tests.cli.running import Cli
-from tests.cli.test_life import monitored
+from tests.cli.test_life import monitored, noisy
 
 RPY = np.array([[0.01, -0.02, 0.03], [-0.015, 0.005, -0.04], [0.02, 0.012, 0.025]])
 SLIPPED = Faults(slips=(Slip(1, 8, (0.0, 8e-3, 0.0)),))
@@ -168,6 +168,17 @@ def test_a_validation_names_what_it_leaves_out(home: Path, base: Path, cli: Cli)
     assert found["size"] == at_capacity(home / "saturated") > 0
     done = cli("validate", base, home / "sound2", "--json", "-q")
     assert "postures-left-out" not in done.out
+
+
+def test_a_noisy_month_takes_no_part_in_a_pool(
+    home: Path, pooled: Any, tmp_path: Path, cli: Cli
+) -> None:
+    loud = noisy(home / "sound3", tmp_path / "loud")
+    words = ("calibrate", home / "sound1", home / "sound2", loud, "--trials", 0, "-q")
+    beside = cli.json(*words, "-o", tmp_path / "c.yaml", ends=0)
+    assert beside["supports"] == pooled["supports"]
+    left = [f["subject"] for f in beside["findings"] if f["code"] == "campaign-left-out"]
+    assert left == [[str(loud)]]
 
 
 def spoilt(source: Path, target: Path, fault: str) -> Path:

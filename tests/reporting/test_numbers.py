@@ -1,64 +1,8 @@
 """How numbers are written: one law for text, pages and figures."""
 
-import re
-from collections.abc import Callable
-
 import pytest
 
 from tdfscal.catalogue.numbers import measured, p_text, typeset, with_std
-from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.html import render as as_page
-from tdfscal.reporting.layout import Report
-from tdfscal.reporting.several import Several, several_report
-from tdfscal.reporting.text import render as as_text
-from tdfscal.reporting.traceability import Making
-from tdfscal.reporting.validation import validation_report
-from tests.reporting.samples import sample, surveyed, with_load_cell
-from tests.reporting.test_figures import KINDS, words
-from tests.reporting.test_page import read
-from tests.reporting.test_several import FEBRUARY, JANUARY, MARCH
-from tests.reporting.test_validation_claim import validation as tared
-from tests.reporting.test_validation_page import origin_of_check, validation
-
-SEVERAL = Several.of([("j", JANUARY), ("f", FEBRUARY), ("m", MARCH)])
-REPORTS: dict[str, Callable[[], Report]] = {
-    "touched": lambda: calibration_report(sample(touched=True).calibration),
-    "six supports": lambda: calibration_report(sample(n=6).calibration),
-    "load cell": lambda: calibration_report(with_load_cell()),
-    "tracker": lambda: calibration_report(surveyed()[0]),
-    "joint": lambda: calibration_report(surveyed()[1]),
-    "several": lambda: several_report(SEVERAL, Making("", ())),
-    "valid": lambda: validation_report(validation(0.0), (), origin_of_check()),
-    "touched since": lambda: validation_report(validation(60.0), (), origin_of_check()),
-    "turned since": lambda: validation_report(tared(8e-3), ()),
-}
-
-
-def check(said: str, other_minus: str) -> None:
-    """Two digits behind each ±, chances of two digits, no exponent, and one minus."""
-    assert not re.search(rf"(?<![\w.)]){other_minus}\d+(\.\d+)?[\s,)]", said)
-    without_digests = re.sub(r"\b[0-9a-f]{8}(?:[0-9a-f]{56})?\b", "", said)
-    assert not re.search(r"\d[eE][-−+]?\d\d\b", without_digests)
-    for number in re.findall(r"±\s?\(?(\d[\d.]*)", said):
-        digits = number.replace(".", "").strip("0") if "." not in number else number
-        assert len(digits.replace(".", "").lstrip("0")) <= 2, number
-    for chance in re.findall(r"\bp = (\S*\d)", said):
-        assert re.fullmatch(r"0\.(\d\d|0\d\d?|00\d\d?)", chance), chance
-
-
-@pytest.mark.parametrize("kind", REPORTS)
-def test_text_and_page_write_numbers_alike(kind: str) -> None:
-    report = REPORTS[kind]()
-    check(as_text(report), "−")
-    page = re.sub(r"<code>.*?</code>", "", as_page(report))
-    check(" ".join(read(page).words[1:]), "-")
-
-
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "tracker"])
-def test_so_do_figures(kind: str) -> None:
-    shown = [said for _, drawn, _ in words(kind).values() for said, _ in drawn]
-    check(" \n ".join(shown), "-")
-    assert any("−" in said for said in shown)
 
 
 def test_values_and_uncertainties_end_at_the_same_place() -> None:
