@@ -49,6 +49,10 @@ axis-scale-suspected warns
 tilt-suspected warns
   gravity is not along -Z of the BCS
   -> level the BCS, or write `gravity.tilt_std: {stated}` in rig.yaml (rad)
+terminal-pushed warns
+  something pushes or turns the terminal alike in all postures, constant in the LCS, with up to
+  {stated} N along an axis
+  -> free the terminal of hoses, cables and springs, and record again
 compliance-suspected warns
   the NCPs give between encoder and hinge
   -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated}, vertical: {stated}}}`

@@ -51,6 +51,7 @@ CODES = {
     "vertical scale": ("axis-scale-suspected", "", True),
     "tilt": ("tilt-suspected", "rad", False),
     "compliance": ("compliance-suspected", "m/N", False),
+    "push": ("terminal-pushed", "N", False),
     "friction": ("hysteresis-suspected", "N·m", False),
     "hinge friction": ("hinge-friction-suspected", "N·m", False),
     "force noise": ("force-noise-suspected", "N", False),

@@ -219,7 +219,7 @@ def _rests_on(c: Calibration) -> str:
         parts.append(f"{c.motion.seconds:.0f} s of motion{''.join(few)}{without}")
     if c.fit is not None and (c.motion is None or c.fit.postures):
         parts.append(f"{count(c.fit.postures, 'posture')}{_without(c.fit.rejected, numbers)}")
-    contact = " A constant contact would not show." if parts else ""
+    contact = " A contact force constant in the BCS would pass for zeros or load." if parts else ""
     if c.tracker is not None:
         alone = " alone, since the log of the rig file is missing" if c.found("log-missing") else ""
         parts.append(f"{c.tracker.points} points of the tracker{alone}")

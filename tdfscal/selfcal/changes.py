@@ -93,13 +93,10 @@ class _Search(ChangeSearch):
 
     def contact(self, frame: str) -> _Run | None:
         """The likeliest wrench that stayed over a run of postures; None where there are too few."""
-        at = self.fit.at
+        fit, columns = self.fit, self.fit.by_wrench
         if frame == "BCS":
-            wrench = at.design[..., 12 * self.fit.rig.n :][..., :12]
-        else:
-            wrench = np.zeros((len(self.order), ROWS, 6))
-            wrench[:, :3, :3] = wrench[:, 3:, 3:] = at.rotation
-        columns = (self.fit.root @ wrench)[self.order]
+            columns = fit.root @ fit.at.design[..., 12 * fit.rig.n :][..., :12]
+        columns = columns[self.order]
         ends = np.append(np.flatnonzero(self.counts), len(self.order))
         each = np.concatenate([self.active, columns, self.residual[..., None]], axis=2)
         apart = max(1, len(ends) // _SPLITS)

@@ -105,6 +105,13 @@ class Fit(Fitted):
         return self.slopes.reshape(-1, len(self.active))
 
     @property
+    def by_wrench(self) -> FloatArray:
+        """The same (K, 6, 6) by a wrench on the terminal about c, alike in the LCS, N and N·m."""
+        columns = np.zeros((len(self.root), ROWS, 6))
+        columns[:, :3, :3] = columns[:, 3:, 3:] = self.at.rotation
+        return self.root @ columns
+
+    @property
     def rms(self) -> tuple[float, float]:
         """Quadratic mean over the used postures of the residual force's length, and moment's."""
         e = self.residual[self.weight > 0].reshape(-1, 2, 3)

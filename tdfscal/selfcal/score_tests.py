@@ -63,8 +63,8 @@ def suspicions(
     time : (K,), s, when each posture was held. temperature : (K, n), °C, where it is known.
     """
     fit, parts = of.fit, of.parts
-    suspects = [*stated_suspects(fit), *_scales(fit), *_moving_zeros(fit, time, temperature)]
-    found = speaking(of, suspects, other=UNDECLARED_FRICTION_SHARE)
+    own = [*_scales(fit), *_moving_zeros(fit, time, temperature), *_pushes(fit)]
+    found = speaking(of, [*stated_suspects(fit), *own], other=UNDECLARED_FRICTION_SHARE)
     if (
         chance(fit.root[:, :, 3:], parts, fit.white) <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE
         or of.quality.p_value < MISFIT
@@ -99,6 +99,15 @@ def _scales(fit: Fit) -> Iterator[Suspect]:
     for i in range(fit.rig.n):
         # Noise of the readings stands in it alike in all postures: over the travel it cancels.
         yield "vertical scale", i, columns[:, [i]], 1.0, 0.0
+
+
+def _pushes(fit: Fit) -> Iterator[Suspect]:
+    """A wrench on the terminal, alike in the LCS of all postures; no readings stand in it.
+
+    What it shares with load, zeros and gravity their priors leave to them.
+    """
+    columns = np.pad(fit.by_wrench.reshape(-1, 6), ((0, len(fit.prior_residual)), (0, 0)))
+    yield "push", 0, columns, np.repeat([1.0, 0.0], 3), 0.0
 
 
 #: Variances that are tried, in units of what adds that of the stated noise to all rows, before the
