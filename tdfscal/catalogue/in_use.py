@@ -224,7 +224,7 @@ campaign-remark warns
   {subject}: {said}
 turn-suspected warns
   {subject} may have turned since {since} ({p}), by less than raises an alarm
-  -> validate the update on a further log without contact, or calibrate anew
+  -> validate on a further log without contact, or calibrate the later campaigns apart
 turns-visible notes
   of turns since {subject} those of {size} or more, whatever the angle, would have raised an alarm
     with {power:.0%} probability

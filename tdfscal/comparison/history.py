@@ -272,16 +272,20 @@ def life_of(rig: Rig, pooled: Pool) -> tuple[Life, list[Finding]]:
     return live(rig, pooled.reference, prior, scaled, rate=ALARMS_PER_YEAR, birge=least), noisy
 
 
-def below_alarm(life: Life, since: str) -> Iterator[Finding]:
-    """What the last check says of a turn that raises no alarm, and from which size on it would.
+def turn_suspected(life: Life, since: str, checks: int) -> Iterator[Finding]:
+    """A turn that raises no alarm, of which the last checks speak, since what is called `since`.
 
-    Alarms are as seldom as a year's are stated to be. The new check alone is also held against
-    those before it, of which the first goes by the name `since`, at the level of a comparison.
+    Alarms are as seldom as a year's are stated to be. Each of the new checks is also held against
+    those before it, all together at the level of a comparison.
     """
-    p = life.smallest[-1] * WINDOWS[1]
+    p = np.min(life.smallest[-checks:], axis=0) * WINDOWS[1] * checks
     if not life.alarms and p.min() < INCOMPATIBLE:
         sensor, values = life.supports[int(np.argmin(p))], {"since": since}
         yield Finding("turn-suspected", (sensor,), p_value=float(p.min()), values=values)
+
+
+def turns_visible(life: Life, since: str) -> Iterator[Finding]:
+    """From which size on a turn would have raised an alarm at the last check."""
     if np.isfinite(least := life.detectable[life.known]).any():
         visible, told = float(np.max(least)), {"power": DETECTION_POWER}
         yield Finding("turns-visible", (since,), visible, "rad", values=told)

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import chi2, ncx2
 
 from tdfscal.comparison.control_chart import WINDOWS, Check, Watching
-from tdfscal.comparison.history import Life, below_alarm, live
+from tdfscal.comparison.history import Life, live, turn_suspected, turns_visible
 from tdfscal.model.calibrated import free_constants
 from tdfscal.model.parameters import nominal
 from tdfscal.numerics.information import Information
@@ -124,7 +124,10 @@ def test_a_turn_below_the_alarm_is_suspected_at_the_level_of_a_comparison(
     turns = np.zeros((2, 9))
     turns[1, 3] = SEEN * np.sqrt(2 * chi2.isf(p / SENSORS, 3))
     life = lived(turns, noise=0.0)
-    found = {finding.code: finding for finding in below_alarm(life, "last")}
+    found = {
+        finding.code: finding
+        for finding in (*turn_suspected(life, "last", 1), *turns_visible(life, "last"))
+    }
     assert found["turns-visible"].size == life.detectable.max()
     assert ("turn-suspected" in found) is told
     if told:
