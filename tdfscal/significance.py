@@ -148,7 +148,7 @@ STATED_NOISE_RIGHT: Final = 0.5
 NOISE_UNDERSTATED: Final = 0.05
 #: That a faultless rig has any positioner axis reported, per survey.
 POSITIONER_AXIS: Final = 0.01
-#: That a scale other than 1 is reported for two point files which have the same.
+#: That a scale other than 1, or groups apart, are reported of two point files which agree.
 SCALE_DIFFERS: Final = 0.01
 #: The mirrored fit must be this improbable before a set of points is taken to show its hand.
 HANDEDNESS: Final = 0.01

@@ -173,6 +173,9 @@ uncertainty-from-files notes
   positioners'
 uncertainty-from-file notes
   the uncertainties stated in the file stand in place of the instrument's
+groups-moved warns
+  the groups {subject} are shifted against each other by up to {size}: they are no one body
+  -> register one group at a time, or check what carries them
 scale-fits-better warns
   a scale of {ppm:+.0f} ± {ppm_std:.0f} ppm fits significantly better
   -> check temperature and units

@@ -89,7 +89,10 @@ def register(
     fit, covariance = survey.fit, survey.fit.covariance
     ratio, ratio_std = _scale_beside(fit)
     found = [*unmatched(matched), *_doubts(survey)]
-    if chi2_sf((ratio / ratio_std) ** 2, 1) < SCALE_DIFFERS:
+    moved = _groups_moved(survey)
+    if moved is not None:
+        found.append(moved)
+    elif chi2_sf((ratio / ratio_std) ** 2, 1) < SCALE_DIFFERS:
         ppm = {"ppm": 1e6 * ratio, "ppm_std": 1e6 * ratio_std}
         found.append(Finding("scale-fits-better", size=ratio, values={**ppm}))
     if instrument is not None and MEASURED_FILE in noise.measured:
@@ -129,6 +132,22 @@ def _doubts(survey: SurveyFit) -> Iterator[Finding]:
         yield Finding("points-coplanar")
     if relabellings(survey.points, survey.sigma):
         yield Finding("points-symmetric")
+
+
+def _groups_moved(survey: SurveyFit) -> Finding | None:
+    """Groups that lie apart from where one body would have them, and the largest shift, m."""
+    groups = survey.points.groups
+    own = np.array(groups)[1:] == np.array(survey.points.reference.group)[:, None]
+    columns = (own[:, None, :, None] * np.eye(3)[:, None, :]).reshape(len(own), 3, -1)
+    shifts = extend(survey.fit, columns) if len(groups) > 1 else None
+    if shifts is None:
+        return None
+    chi2 = float(shifts.value @ np.linalg.solve(shifts.covariance, shifts.value))
+    if (p := chi2_sf(chi2, columns.shape[2])) >= SCALE_DIFFERS:
+        return None
+    each = np.vstack([np.zeros(3), shifts.value.reshape(-1, 3)])
+    size = float(np.linalg.norm(each - each.mean(axis=0), axis=1).max())
+    return Finding("groups-moved", groups, size, "m", p_value=p)
 
 
 def _scale_beside(fit: Registration) -> tuple[float, float]:

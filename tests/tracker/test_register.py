@@ -173,3 +173,4 @@ def test_a_group_that_has_moved_is_not_left_out() -> None:
     sets = [replace(named(xyz), group=group) for xyz in (measured, reference)]
     fit = register(*sets)
     assert fit.rejected == ()
+    assert [(f.code, f.subject) for f in fit.findings] == [("groups-moved", ("a", "b"))]
