@@ -143,7 +143,7 @@ def _groups_moved(survey: SurveyFit) -> Finding | None:
     if shifts is None:
         return None
     chi2 = float(shifts.value @ np.linalg.solve(shifts.covariance, shifts.value))
-    if (p := chi2_sf(chi2, columns.shape[2])) >= SCALE_DIFFERS:
+    if (p := float(chi2_sf(chi2, columns.shape[2]))) >= SCALE_DIFFERS:
         return None
     each = np.vstack([np.zeros(3), shifts.value.reshape(-1, 3)])
     size = float(np.linalg.norm(each - each.mean(axis=0), axis=1).max())
