@@ -41,6 +41,10 @@ def test_an_error_says_the_same_in_another_process() -> None:
     assert (str(again), again.hint) == (str(caught.value), caught.value.hint)
 
 
+def test_a_calibration_goes_to_another_process(sample: tdfscal.Calibration) -> None:
+    assert pickle.loads(pickle.dumps(sample)) == sample
+
+
 def test_what_is_read_twice_is_equal() -> None:
     once, twice = (tdfscal.load_rig(SAMPLES / "mcap" / "rig.yaml") for _ in range(2))
     assert once == twice

@@ -274,7 +274,10 @@ Spread = TypeVar("Spread")
 
 
 class Known(Strict, Generic[Value, Spread]):
-    """A quantity with its standard uncertainty; a single one stands for all components."""
+    """A quantity with its standard uncertainty; a single one stands for all components.
+
+    Each kind of it is named in its module: of one that is made within a class no pickle can be.
+    """
 
     value: Value = key("the value")
     std: Spread = key("its standard uncertainty, in the same unit; 0 exact")

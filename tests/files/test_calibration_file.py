@@ -87,6 +87,7 @@ REJECTING = {"code": "residuals-large", "severity": "rejects", "text": "3.1 > 2"
 MIRROR = np.diag([1.0, 1.0, -1.0])
 BROKEN: list[tuple[str, Any, str, str]] = [
     # what is edited, its value, a word of the message, the place that it names
+    ("parameters.value.0", 0.3, "turn from `supports[].rotation`", "parameters.value"),
     ("format", "tdfscal-calibration/2", "newer format", "format"),
     ("format", "tdfscal-rig/1", "not a calibration file", "format"),
     ("format", DROP, "not a calibration file", ""),

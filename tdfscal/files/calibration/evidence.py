@@ -228,6 +228,7 @@ class LeftOutStretch(Strict):
 
 
 Scalar = Known[kind.Number, kind.NotNegative]
+Inertia = Known[kind.Matrix3, kind.Matrix3]
 
 
 class MotionResidual(Table):
@@ -252,6 +253,6 @@ class MotionResult(Strict):
         "s: force stamps minus position stamps, in the middle of the log; beyond `clocks`"
     )
     rate: Scalar | None = key("growth of that delay, where the log says it", None)
-    inertia: Known[kind.Matrix3, kind.Matrix3] = key("kg m²: of the terminal, about the LCS origin")
+    inertia: Inertia = key("kg m²: of the terminal, about the LCS origin")
     friction: Scalar = key("N·m: Coulomb friction of each hinge")
     residual: MotionResidual = key("of the wrench, over time")

@@ -326,6 +326,8 @@ def _check_parameters(c: Calibration, block: Parameters, rotations: FloatArray) 
     if not np.isin(turns, place).all():
         raise fault("lacks turns that `covariance` has", "parameters", "parameters")
     rows = np.searchsorted(place, turns)
+    if np.any(np.array(block.value)[rows]):  # they are counted from the rotations
+        raise fault("gives a turn from `supports[].rotation`", "parameters", "value", hint=ALTERED)
     own = matrix[np.ix_(rows, rows)]
     if np.abs(own - rotations).max() > 1e-9 * np.abs(own).max():
         raise fault(f"disagrees with {_COVARIANCE}", "parameters", "matrix", hint=ALTERED)

@@ -181,6 +181,7 @@ class Covariance(Strict):
 
 
 Slopes = Known[kind.OpenRows, kind.OpenStdRows]
+BarycenterResult = Known[kind.Vector, kind.OpenStds]
 
 
 class Mass(Known[kind.Positive, kind.OpenStd]):
@@ -193,7 +194,7 @@ class TerminalResult(Strict):
     """Mass and barycentre after the adjustment, with what the terminal carries."""
 
     mass: Mass = key("kg")
-    barycenter: Known[kind.Vector, kind.OpenStds] = key("m, LCS")
+    barycenter: BarycenterResult = key("m, LCS")
 
 
 class Stretch(Strict):

@@ -71,14 +71,17 @@ def check_inertia(given: Any) -> Any:
 
 BodyInertia = TypeAliasType("BodyInertia", Annotated[kind.Matrix3, AfterValidator(check_inertia)])
 VectorQuantity = Known[kind.Vector, kind.Stds]
+MassQuantity = Known[kind.PositiveAmount, kind.Std]
+PlaceQuantity = Known[PlaceOnTerminal, kind.Stds]
+InertiaQuantity = Known[BodyInertia, kind.Std]
 
 
 class Terminal(Strict):
     """The terminal with all it carries: mass in kg, barycentre in m in the LCS, inertia."""
 
-    mass: Annotated[Known[kind.PositiveAmount, kind.Std], kind.WithStd] = key("kg: quantity")
-    barycenter: Annotated[Known[PlaceOnTerminal, kind.Stds], kind.WithStd] = key("m: quantity, LCS")
-    inertia: Annotated[Known[BodyInertia, kind.Std], kind.WithStd] | None = key(
+    mass: Annotated[MassQuantity, kind.WithStd] = key("kg: quantity")
+    barycenter: Annotated[PlaceQuantity, kind.WithStd] = key("m: quantity, LCS")
+    inertia: Annotated[InertiaQuantity, kind.WithStd] | None = key(
         "kg m²: quantity, 3 × 3 about the LCS origin; used in motion only", None
     )
 
