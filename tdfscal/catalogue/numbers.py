@@ -15,6 +15,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from tdfscal.errors import without_exponent
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import by_wall_clock
 
 #: Larger and smaller units in which a size is read, with their factors.
@@ -131,7 +132,7 @@ def two_digits(std: float) -> str:
 
 def coverage(accepted: bool) -> str:
     """What an interval is; one that a result's own reasons refute covers nothing in particular."""
-    return "95 %" if accepted else "by the stated uncertainties alone"
+    return "95 %" if accepted else f"k = {INTERVAL_FACTOR:.2f}, by the stated uncertainties alone"
 
 
 def count(number: int, noun: str) -> str:

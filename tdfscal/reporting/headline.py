@@ -223,7 +223,10 @@ def _rests_on(c: Calibration) -> str:
     if c.tracker is not None:
         alone = " alone, since the log of the rig file is missing" if c.found("log-missing") else ""
         parts.append(f"{c.tracker.points} points of the tracker{alone}")
-    parts += [f"{k.recorder}'s clock to ± {two_digits(1e3 * k.offset_std)} ms" for k in c.clocks]
+    parts += [
+        f"{k.recorder}'s clock to ± {two_digits(1e3 * INTERVAL_FACTOR * k.offset_std)} ms"
+        for k in c.clocks
+    ]
     if c.fit is not None and c.fit.dof:
         parts[-1] += f"; residuals {c.fit.birge:.2f} times as large as stated"
     return f"Used: {', '.join(parts)}.{contact}"
