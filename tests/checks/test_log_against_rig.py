@@ -41,8 +41,6 @@ TURNS = 0.05 * RNG.normal(size=(9, 3))
 POSITION = np.asarray(
     np.einsum("kab,nb->kna", so3.exp(TURNS), RIG.hinge) + RNG.normal(size=(9, 1, 3))
 )
-
-
 MADE = simulation.make_rig()
 DWELLS = simulation.simulate_dwells(MADE, Options(), np.random.default_rng(1), 1).dwells(0)
 SEEN = postures(MADE, DWELLS)

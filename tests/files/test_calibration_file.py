@@ -82,8 +82,6 @@ def exact_for(count: int, **moves: Any) -> list[dict[str, Any]]:
 
 
 REJECTING = {"code": "residuals-large", "severity": "rejects", "text": "3.1 > 2"}
-
-
 MIRROR = np.diag([1.0, 1.0, -1.0])
 BROKEN: list[tuple[str, Any, str, str]] = [
     # what is edited, its value, a word of the message, the place that it names

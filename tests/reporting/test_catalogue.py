@@ -1,22 +1,14 @@
 """The catalogue holds every code of the source, and no other; every entry can be said."""
 
 import ast
-import re
 from dataclasses import replace
 from pathlib import Path
-from string import Formatter
 from typing import get_args
 
-import pytest
-
-from tdfscal.catalogue import CATALOGUE, document, severity, told
-from tdfscal.errors import DataError
-from tdfscal.findings import Finding, Severity, Value
+from tdfscal.catalogue import CATALOGUE, document, severity
+from tdfscal.findings import Finding, Severity
 
 PACKAGE = Path(__file__).parents[2] / "tdfscal"
-#: Fields that are made of what every finding has.
-MADE = {"subject", "size", "number", "p", "stated", "subjects", "several", "until", "cut"}
-MADE |= {"harm"}
 
 
 def test_every_code_of_the_source_is_in_the_catalogue_and_no_other() -> None:
@@ -56,25 +48,3 @@ def test_what_is_suspected_and_moves_next_to_nothing_is_a_note() -> None:
         assert severity(replace(doubt, rejects=True)) == "rejects"
         beside = replace(doubt, values={**doubt.values, "zero": "x of ncp1", "zero_shift": 1.5})
         assert severity(beside) == "warns"
-
-
-def fields(words: str) -> dict[str, str]:
-    """Names of the values in a template, with their formats; those within a format too."""
-    parsed = [(name, form or "") for _, name, form, _ in Formatter().parse(words) if name]
-    within = [fields(form) for _, form in parsed]
-    return {name: form for each in (*within, dict(parsed)) for name, form in each.items()}
-
-
-@pytest.mark.parametrize("size", [1e-9, 2.5e-7, 1e7, 1e9])
-def test_no_sentence_counts_powers_of_ten(size: float) -> None:
-    """Whatever a value is, and whether the words are the catalogue's or an error's own."""
-    said = [str(DataError(f"{size:g} N", hint=f"give ±{size:.3g} at least"))]
-    for code, entry in CATALOGUE.items():
-        values: dict[str, Value] = {name: size for name, _ in entry.clauses}
-        clauses = (text for _, text in entry.clauses)
-        for name, form in fields(" ".join((entry.sentence, entry.cure, *clauses))).items():
-            if name not in MADE:
-                values[name] = [size, 2 * size] if form == "time" else size
-        said.append(told(Finding(code, ("file",), size, "N", 0.5, size, values)))
-    for words in said:
-        assert not re.search(r"(?<![\w.])[\d.]+e[-+]\d", words), words
