@@ -25,7 +25,7 @@ from tdfscal.significance import RINGING_PER_LOG
 
 _STOPS = 40  # that the mode is looked for in
 _FEWEST = 5
-_USUAL, _MOST = 0.75, 100.0  # quantile of what the stops show; how many times that one may show
+_USUAL, _MOST = 0.5, 100.0  # quantile of what the stops show; how many times that one may show
 _SHORTEST = 8  # bins
 _LONGEST = 12.0  # s of a stop that are looked at
 _SLOWEST, _CONSTANTS = 5.0, 8  # s; time constants tried
@@ -184,7 +184,9 @@ def _likeliest(stops: Sequence[FloatArray], width: float, memory: Memory) -> com
     )
     if fdtrc(dof, dof, begins[best] / max(ends[best], 1e-300)) > RINGING_PER_LOG:
         return None
-    return _refined([forth[k] for k in np.flatnonzero(usual[:, best])], decays[best], memory)
+    # A wrong reading that this shape does not see would draw the search to one that does.
+    kept = np.flatnonzero(usual.all(axis=1))
+    return _refined([forth[k] for k in kept], decays[best], memory) if len(kept) else None
 
 
 def _weights(shown: FloatArray) -> FloatArray:

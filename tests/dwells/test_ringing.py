@@ -37,6 +37,18 @@ def test_the_mode_is_found_with_its_constants(tau: float, frequency: float, stop
     assert np.sqrt(mode.power.mean()) == pytest.approx(7.64, rel=0.1)
 
 
+@pytest.mark.parametrize(("tau", "frequency", "stop"), [(0.4, 0.5, 4.0), (0.2, 0.0, 6.0)])
+def test_wrong_readings_in_a_few_stops_are_no_mode(
+    tau: float, frequency: float, stop: float
+) -> None:
+    recorded = record(Recipe(settle=(10.0, tau, frequency), stops=(stop,) * 12, seed=3))
+    series = recorded.log.force[0]
+    for begin, end in recorded.stops[[1, 5]]:
+        first = np.searchsorted(series.time, begin + 0.8 * (end - begin))
+        series.value[first : first + 3, 0] = 9999.0
+    assert len(find_dwells(recorded.log)) == 12
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "recipe",
