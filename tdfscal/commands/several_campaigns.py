@@ -249,10 +249,9 @@ def calibrate_several(
     remarks = drafted(one.read.log.campaign.rig for one in reads)
     remarks += [one.remark for one in reads if one is not last and one.remark]
     remarks += [said for said in read.log.messages if said not in own.findings]
-    since = earlier.name if earlier else pooled.members[0].name
-    remarks += turn_suspected(life, since, checks=1 if earlier else max(len(reads) - 1, 1))
+    remarks += turn_suspected(life, checks=1 if earlier else max(len(reads) - 1, 1))
     if earlier:
-        remarks += [*turns_visible(life, since), *defects(earlier.name, earlier.file)]
+        remarks += [*turns_visible(life), *defects(earlier.name, earlier.file)]
     said = own.findings
     if changes and not last.rejected:  # what else rejects it stands on what it does not fit
         said = tuple(f for f in said if not f.rejects or f.code in PRECISION)

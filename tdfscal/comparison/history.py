@@ -272,23 +272,23 @@ def life_of(rig: Rig, pooled: Pool) -> tuple[Life, list[Finding]]:
     return live(rig, pooled.reference, prior, scaled, rate=ALARMS_PER_YEAR, birge=least), noisy
 
 
-def turn_suspected(life: Life, since: str, checks: int) -> Iterator[Finding]:
-    """A turn that raises no alarm, of which the last checks speak, since what is called `since`.
+def turn_suspected(life: Life, checks: int) -> Iterator[Finding]:
+    """A turn that raises no alarm, of which the last checks speak, since the first of the history.
 
     Alarms are as seldom as a year's are stated to be. Each of the new checks is also held against
     those before it, all together at the level of a comparison.
     """
     p = np.min(life.smallest[-checks:], axis=0) * WINDOWS[1] * checks
     if not life.alarms and p.min() < INCOMPATIBLE:
-        sensor, values = life.supports[int(np.argmin(p))], {"since": since}
+        sensor, values = life.supports[int(np.argmin(p))], {"since": life.names[0]}
         yield Finding("turn-suspected", (sensor,), p_value=float(p.min()), values=values)
 
 
-def turns_visible(life: Life, since: str) -> Iterator[Finding]:
-    """From which size on a turn would have raised an alarm at the last check."""
+def turns_visible(life: Life) -> Iterator[Finding]:
+    """From which size on a turn since the first check would have raised an alarm at the last."""
     if np.isfinite(least := life.detectable[life.known]).any():
         visible, told = float(np.max(least)), {"power": DETECTION_POWER}
-        yield Finding("turns-visible", (since,), visible, "rad", values=told)
+        yield Finding("turns-visible", life.names[:1], visible, "rad", values=told)
 
 
 def _birge(fits: Sequence[tuple[float, int]]) -> float:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, Literal, TypeVar, cast
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError, is_short, shortage
-from tdfscal.files.rig.recorders import NOT_RECORDED, UNITS, LogBlock, canonical
+from tdfscal.files.rig.recorders import UNITS, LogBlock, canonical
 from tdfscal.files.yaml import shorten
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -72,10 +72,12 @@ class Signal:
     def lacking(self, axes: BoolArray, instead: Signal) -> Signal:
         """The signal without axes: what is not measured is read from what is there instead."""
         x, y, z = (bool(axis) for axis in axes)
-        there = [name for name, axis in zip(self.components, axes, strict=True) if axis]
-        other = (there or instead.components)[0]
-        names = [name if axis else other for name, axis in zip(self.components, axes, strict=True)]
-        return replace(self, fields=tuple(names), measured=(x, y, z))
+        there = self.components
+        if len(there) == len(axes):  # else those that are measured alone are named
+            there = tuple(name for name, axis in zip(there, axes, strict=True) if axis)
+        names, other = iter(there), (there or instead.components)[0]
+        fields = tuple(next(names) if axis else other for axis in axes)
+        return replace(self, fields=fields, measured=(x, y, z))
 
 
 @record
@@ -128,9 +130,6 @@ def make_request(
         fields = mapping.support_fields(name)
         position, force = fields.position or (), fields.force or ()
         measured = np.ones(3, dtype=np.bool_) if axes is None else axes[number]
-        if 1 < len(force) == measured.sum() < 3:
-            names = iter(force)
-            force = tuple(next(names) if axis else NOT_RECORDED for axis in measured)
         moves = signal_of(mapping, "position", name, position)
         # Without a sensor it reads 0, at the times of the positions.
         loads = signal_of(mapping, "force", name, force if measured.any() else position)

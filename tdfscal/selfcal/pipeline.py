@@ -26,11 +26,7 @@ from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.records import Dwells, FloatArray, Rig
 from tdfscal.selfcal.changes import find_change
-from tdfscal.selfcal.estimator import (
-    Fit,
-    at_state,
-    fit,
-)
+from tdfscal.selfcal.estimator import Fit, at_state, fit
 from tdfscal.selfcal.linear_method import evaluate_linear, fit_linear
 from tdfscal.selfcal.monte_carlo import simulate
 from tdfscal.selfcal.mounting_search import Rival, describe

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from tdfscal.errors import NotIdentifiableError
-from tdfscal.findings import Finding
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_sf
@@ -89,12 +89,8 @@ def register(
     fit, covariance = survey.fit, survey.fit.covariance
     ratio, ratio_std = _scale_beside(fit)
     found = [*unmatched(matched), *_doubts(survey)]
-    moved = _groups_moved(survey)
-    if moved is not None:
-        found.append(moved)
-    elif chi2_sf((ratio / ratio_std) ** 2, 1) < SCALE_DIFFERS:
-        ppm = {"ppm": 1e6 * ratio, "ppm_std": 1e6 * ratio_std}
-        found.append(Finding("scale-fits-better", size=ratio, values={**ppm}))
+    if (misfit := _groups_moved(survey) or _scale_differs(ratio, ratio_std)) is not None:
+        found.append(misfit)
     if instrument is not None and MEASURED_FILE in noise.measured:
         found.append(Finding("uncertainty-from-file"))
     J = so3.rpy_jacobian(fit.rotation)
@@ -132,6 +128,14 @@ def _doubts(survey: SurveyFit) -> Iterator[Finding]:
         yield Finding("points-coplanar")
     if relabellings(survey.points, survey.sigma):
         yield Finding("points-symmetric")
+
+
+def _scale_differs(ratio: float, std: float) -> Finding | None:
+    """A scale of the reference that fits better; less 1, as it and its uncertainty are given."""
+    if chi2_sf((ratio / std) ** 2, 1) >= SCALE_DIFFERS:
+        return None
+    values: dict[str, Value] = {"ppm": 1e6 * ratio, "ppm_std": 1e6 * std}
+    return Finding("scale-fits-better", size=ratio, values=values)
 
 
 def _groups_moved(survey: SurveyFit) -> Finding | None:

@@ -124,10 +124,7 @@ def test_a_turn_below_the_alarm_is_suspected_at_the_level_of_a_comparison(
     turns = np.zeros((2, 9))
     turns[1, 3] = SEEN * np.sqrt(2 * chi2.isf(p / SENSORS, 3))
     life = lived(turns, noise=0.0)
-    found = {
-        finding.code: finding
-        for finding in (*turn_suspected(life, "last", 1), *turns_visible(life, "last"))
-    }
+    found = {finding.code: finding for finding in (*turn_suspected(life, 1), *turns_visible(life))}
     assert found["turns-visible"].size == life.detectable.max()
     assert ("turn-suspected" in found) is told
     if told:

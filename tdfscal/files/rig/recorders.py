@@ -69,8 +69,8 @@ def by_scale(quantity: Dimension, unit: str) -> str | None:
     return f"write `{line}` beside the {quantity} fields of each support in the log block"
 
 
-NOT_RECORDED: Final = "none"
-"""In place of a field that no recorder has, of an axis that is not measured."""
+#: In place of a field that no recorder has, of an axis that is not measured.
+_NOT_RECORDED = "none"
 _FIELD = {"type": ["string", "integer"], "minLength": 1}
 FieldName = Annotated[kind.Text, BeforeValidator(kind.whole_as_text), WithJsonSchema(_FIELD)]
 """A field of a log: its name or, of a table without a header, the number of its column from 1."""
@@ -227,7 +227,7 @@ def check_recorders(measured: Mapping[str, Sequence[str]], recorders: Sequence[L
             own = list(measured[what[0]]) if what[1] == "force" else []
             if len(fields) not in (1, 3) and (len(fields) != len(own) or own != sorted(own)):
                 said = f"must be three fields or one with members x, y, z, got {len(fields)}"
-                hint = f"write [X, Y, Z] or one name; {NOT_RECORDED} for an axis not measured"
+                hint = f"write [X, Y, Z] or one name; {_NOT_RECORDED} for an axis not measured"
                 raise fault(said, *place, "supports", *what, hint=hint)
             if what in held:
                 raise fault(
@@ -268,7 +268,7 @@ def _check_block(
     served[*place, "temperature"] = tuple(dict.fromkeys(warm or ()))
     for where, used in served.items():
         for field in used:
-            if field in taken and field != NOT_RECORDED:
+            if field in taken and field != _NOT_RECORDED:
                 what = f"the field `{field}` already serves {taken[field]}"
                 raise fault(what, *where, hint="let each field serve one quantity")
             taken[field] = ".".join(part for part in where if isinstance(part, str))
