@@ -107,12 +107,7 @@ def apply(
     at: options.LcsPoint = (0.0, 0.0, 0.0),
     progress: options.Telling = silent,
 ) -> ApplyResult:
-    """Work out the contact force and torque over a whole log.
-
-    Raises
-    ------
-    UsageError, RigError, DataError
-    """
+    """Work out the contact force and torque over a whole log."""
     target, point = one(output), triple("--at", at)
     log = take(calibration, paths, rig, Settings(progress, window(from_, to)), point)
     head, samples = log.passing()

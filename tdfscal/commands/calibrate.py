@@ -81,10 +81,6 @@ def calibrate(
     """Calibrate the sensors of a rig from a recorded campaign.
 
     The result may be rejected: look at `.status` and `.findings`.
-
-    Raises
-    ------
-    UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError
     """
     groups = campaign_folders(paths, rig)
     _check(method, samples, estimator, several=len(groups) > 1)

@@ -128,12 +128,7 @@ def capability(
     progress: options.Telling = silent,
     command: str = "",
 ) -> CapabilityResult:
-    """Find thresholds for a machine, and the smallest contact it then notices, along a free path.
-
-    Raises
-    ------
-    UsageError, RigError, DataError
-    """
+    """Find thresholds for a machine, and the smallest contact it notices, along a free path."""
     request, point = Request(false_stops, detect, filter), triple("--at", at)
     path = _planned(calibration, listed(paths), np.array(point))
     if path is None:

@@ -81,13 +81,6 @@ def compare(
 
     Each difference is the later calibration minus the earlier one, by the dates of measurement.
     `report A B… --html FILE` makes a page of it.
-
-    Raises
-    ------
-    UsageError
-        There are fewer than two, or one cannot be read.
-    DataError
-        One is no calibration, or they are of different supports.
     """
     sources = sources_of(*files)
     if len(sources) < 2:

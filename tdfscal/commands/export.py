@@ -71,15 +71,7 @@ def export(
     allow_rejected: Annotated[bool, Option("export what the quality gate rejected")] = False,
     progress: options.Telling = silent,
 ) -> ExportResult:
-    """Write the rotations for a controller: URDF, ROS, or CSV.
-
-    Raises
-    ------
-    RejectedError
-        The quality gate rejected the calibration.
-    UsageError, DataError
-        The calibration cannot be read, or the file not be written.
-    """
+    """Write the rotations for a controller: URDF, ROS, or CSV."""
     place = one(output)
     if place is not None:
         check_suffix(place, SUFFIXES[to])

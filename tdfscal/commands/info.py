@@ -57,13 +57,7 @@ def info(
     to: options.End = None,
     progress: options.Telling = silent,
 ) -> InfoResult:
-    """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste.
-
-    Raises
-    ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError where a file cannot be read at all.
-    """
+    """Show what is in a log: fields, rates, gaps, dwells, problems, a mapping to paste."""
     part = window(from_, to)
     loaded, fault = _rig(listed(paths), one(rig))
     logs = find_logs(paths, apart=loaded.surveys if loaded is not None else ())

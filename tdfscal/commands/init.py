@@ -78,14 +78,7 @@ def init(
     ] = None,
     progress: options.Telling = silent,
 ) -> InitResult:
-    """Write a complete, commented rig.yaml from a log; what to confirm is marked in it.
-
-    Raises
-    ------
-    TdfscalError
-        By cause: UsageError, DataError where the logs cannot be read, or do not show which fields
-        are positions and forces.
-    """
+    """Write a complete, commented rig.yaml from a log; what to confirm is marked in it."""
     logs = find_logs(paths)
     progress("reading the log")
     info = describe_logs(logs)

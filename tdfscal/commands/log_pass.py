@@ -123,22 +123,20 @@ class LogPass:
             self.ends += [max(last.values(), default=self.end)] * len(piece.inputs)
             yield piece
 
-    def dwells(self) -> Dwells:
-        """Read the logs and find the static dwells."""
-        self.progress("reading the log and finding the dwells")
-        return self.noted(find_dwells(self.pieces()))
-
     def samples(self, asked: str | None = None) -> tuple[Dwells, Slow | None]:
         """Read the logs once, for dwells and slow streams; for these alone if `static` is asked.
 
         The streams are None where there are none.
+
+        Raises DataError where one file holds the recording of another, by another clock.
         """
         if asked == "static":
-            return self.dwells(), None
-        streams = _Streams(self)
-        dwells = self.noted(find_dwells(streams.pieces()))
+            self.progress("reading the log and finding the dwells")
+            return self._noted(find_dwells(self.pieces())), None
+        pieces, slow = self._streams()
+        dwells = self._noted(find_dwells(pieces))
         with suppress(DataError):
-            return dwells, streams.slow()
+            return dwells, slow()
         return dwells, None
 
     def moving(self) -> Slow:
@@ -146,26 +144,46 @@ class LogPass:
 
         Raises DataError where there are none, or their forces are seconds behind the positions.
         """
-        streams = _Streams(self)
-        for _ in streams.pieces():
+        pieces, streams = self._streams()
+        for _ in pieces:
             pass
-        slow = streams.slow()
+        slow = streams()
         if late := forces_behind(slow.time, slow.position, slow.force):
             raise DataError(late)
         return slow
 
-    def noted(self, dwells: Dwells) -> Dwells:
-        """Keep what the dwells say of the log.
+    def _streams(self) -> tuple[Iterator[Log], Callable[[], Slow]]:
+        """The pieces of the logs, and once these have passed, their slow streams."""
+        self.progress("reading the log")
+        # An axis that is not measured has no full scale.
+        decimator = Decimator(np.where(self.rig.axes, self.rig.capacity, np.inf))
+        thermometer, averaged = Thermometer(), self.campaign.rig.averaged
 
-        Raises DataError where one file holds the recording of another, by another clock.
-        """
+        def pieces() -> Iterator[Log]:
+            for piece in thermometer.passing(self.pieces()):
+                if not averaged:
+                    decimator.add(piece)
+                yield piece
+
+        def slow() -> Slow:
+            if averaged:
+                raise DataError(
+                    "the log holds averaged postures and no motion",
+                    where="log",
+                    hint="use --samples static, or give the recording itself",
+                )
+            found = decimator.finish()
+            warm = thermometer.at(found.time, found.time, len(found.supports))
+            return replace(found, temperature=warm)
+
+        return pieces(), slow
+
+    def _noted(self, dwells: Dwells) -> Dwells:
+        """Keep what the dwells say of the log; refuse the same recording in two files."""
         self._note(dwells.findings)
         self.stops = _lost_stops(dwells, self.rig)
-        if len(self.inputs) > 1 and dwells.force_cov.any():
-            self._refuse_copies(dwells)
-        return dwells
-
-    def _refuse_copies(self, dwells: Dwells) -> None:
+        if len(self.inputs) < 2 or not dwells.force_cov.any():
+            return dwells
         whole, file = readings(self.rig, dwells), np.searchsorted(self.ends[:-1], dwells.start)
         parts = [
             (entry.path, replace(whole, force=whole.force[file == k]))
@@ -179,6 +197,7 @@ class LogPass:
                     where=str(other),
                     hint="keep one of the two in the folder; twice the same data are no more data",
                 )
+        return dwells
 
     def files_at(self, times: FloatArray) -> list[InputFile]:
         """Return the files (T,) that hold these times, s of the log's clock."""
@@ -248,33 +267,6 @@ def _lost_stops(dwells: Dwells, rig: Rig) -> Finding | None:
             values |= {"axis": "xyz"[j], "capacity": float(rig.capacity[i, j])}
             return Finding("stops-over-capacity", (rig.supports[i],), lost, values=values)
     return Finding("stops-left-out", size=lost, values=values)
-
-
-class _Streams:
-    """The slow streams of a log while it passes, with its temperatures where it has any."""
-
-    def __init__(self, log: LogPass) -> None:
-        log.progress("reading the log")
-        # An axis that is not measured has no full scale.
-        self._decimator = Decimator(np.where(log.rig.axes, log.rig.capacity, np.inf))
-        self._log, self._thermometer = log, Thermometer()
-
-    def pieces(self) -> Iterator[Log]:
-        for piece in self._thermometer.passing(self._log.pieces()):
-            if not self._log.campaign.rig.averaged:
-                self._decimator.add(piece)
-            yield piece
-
-    def slow(self) -> Slow:
-        if self._log.campaign.rig.averaged:
-            raise DataError(
-                "the log holds averaged postures and no motion",
-                where="log",
-                hint="use --samples static, or give the recording itself",
-            )
-        slow = self._decimator.finish()
-        warm = self._thermometer.at(slow.time, slow.time, len(slow.supports))
-        return replace(slow, temperature=warm)
 
 
 def where_few(

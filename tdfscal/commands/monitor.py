@@ -82,15 +82,6 @@ def monitor(
 
     A campaign that `calibrate` rejects by itself takes no part and is named; status 1 where it is
     the latest, of which nothing is then known, and where one cannot be read or used as this rig's.
-
-    Raises
-    ------
-    RejectedError
-        None could be judged.
-    UsageError
-        There are fewer than two, they are of different rigs, or one recording is in two of them.
-    DataError, RigError
-        A calibration cannot be read, or no campaign.
     """
     calibrations, folders = _sorted_out(sources_of(*files))
     known = on_one_another([read_earlier(source) for source in calibrations])

@@ -215,6 +215,21 @@ _FLAGS = re.compile("`tdfscal [^`]*`|--[a-z]+(?:-[a-z]+)*")
 COMMANDS: dict[str, Command] = {}
 
 
+#: What every command's docstring ends with: its parameters, and what it raises.
+_SECTIONS = """
+
+    Parameters
+    ----------
+{}
+
+    Raises
+    ------
+    TdfscalError
+        By cause: UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError,
+        RejectedError.
+    """
+
+
 def command(example: str) -> Callable[[_Function], _Function]:
     """Make a function a command, with its parameters in its docstring."""
 
@@ -236,8 +251,7 @@ def command(example: str) -> Callable[[_Function], _Function]:
                     raise made.in_python(error) from error.__cause__
 
         told = "\n".join(f"    {p.name} : {p.help}." for p in each)
-        head, raises, tail = str(function.__doc__).partition("\n\n    Raises\n")
-        run.__doc__ = f"{head}\n\n    Parameters\n    ----------\n{told}{raises}{tail}"
+        run.__doc__ = str(function.__doc__).rstrip() + _SECTIONS.format(told)
         # `help` shows the types alone.
         bare = [named[p.name].replace(annotation=p.python) for p in each]
         bare[-1] = bare[-1].replace(default=None, annotation=Progress | None)  # nobody follows

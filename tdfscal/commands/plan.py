@@ -143,12 +143,7 @@ def plan(
     speed: Speed = 0.02,
     progress: options.Telling = silent,
 ) -> PlanResult:
-    """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them.
-
-    Raises
-    ------
-    UsageError, RigError, DataError, NotIdentifiableError
-    """
+    """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them."""
     if motion and (postures, target) != (None, None):
         what = "--postures and --target are of postures"
         raise UsageError(what, where="--motion", hint="leave them out, or plan postures")
@@ -216,7 +211,7 @@ def _at_home(
         if not campaign.logs:
             raise no_log(rig.path.parent)
         log = LogPass(campaign, Settings(progress))
-        seen = log.dwells()
+        seen, _ = log.samples("static")
         centres = (seen if len(seen) else log.moving()).position.mean(axis=0)
         (level,), (middle,) = register(rig.rig.hinge, centres[None])
     except TdfscalError as error:

@@ -36,7 +36,7 @@ def surveyed(
     Raises UsageError where the rig file declares none, DataError where its files are unusable.
     """
     from tdfscal.files.points.reading import read_tracker_session
-    from tdfscal.files.saving import input_file
+    from tdfscal.files.saving import fingerprint
     from tdfscal.trackercal import calibrate_tracker
 
     rig = log.campaign.rig
@@ -58,7 +58,9 @@ def surveyed(
     result = calibrate_tracker(
         log.rig, session, misalignment=rig.tracker.misalignment, rng=rng, **options
     )
-    log.inputs += [input_file(path, "unverified") for path in rig.surveys]
+    for path in rig.surveys:
+        with fingerprint(path) as described:
+            log.inputs.append(described("unverified"))
     return result, found
 
 

@@ -81,15 +81,7 @@ def register(
     ] = None,
     progress: options.Telling = silent,
 ) -> RegisterResult:
-    """Fit the rigid transform from reference points to measured ones, with its uncertainty.
-
-    Raises
-    ------
-    UsageError, DataError
-        A file cannot be read, or the points do not belong together.
-    NotIdentifiableError
-        The points do not fix a transform.
-    """
+    """Fit the rigid transform from reference points to measured ones, with its uncertainty."""
     instrument = _instrument(range, range_ppm, angle_arcsec)
     pairs = _pairs(groups)
     first = read_point_file(as_path(measured), length_unit=unit)

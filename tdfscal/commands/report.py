@@ -81,11 +81,5 @@ def report(
     ] = None,
     progress: options.Telling = silent,
 ) -> ReportResult:
-    """Summarise a calibration file, or several side by side and over time.
-
-    Raises
-    ------
-    UsageError, DataError
-        A file cannot be read, is no calibration, or they are of different supports.
-    """
+    """Summarise a calibration file, or several side by side and over time."""
     return ReportResult.of(sorted(read_sources(sources_of(*files)), key=by_date))

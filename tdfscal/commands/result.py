@@ -104,10 +104,7 @@ class Result:
     def plot(self, name: str | None = None) -> Figure:
         """Draw one of the result's figures; the first, unless named; its table, where it has none.
 
-        Raises
-        ------
-        UsageError
-            There is no such figure.
+        Raises UsageError where there is no such figure.
         """
         from tdfscal.reporting.figures.style import of_table, to_figure
 
@@ -265,12 +262,8 @@ class Calibration(Result, CalibrationFile):
 def load_calibration(path: str | PathLike[str]) -> Calibration:
     """Read and check a calibration file, JSON where its suffix is .json, else YAML.
 
-    Raises
-    ------
-    DataError
-        It is no calibration file, of a newer format, or contradicts itself.
-    UsageError
-        It cannot be read.
+    Raises DataError for what is no calibration file, is of a newer format or contradicts itself,
+    UsageError where it cannot be read.
     """
     return read_source(path)[1]
 

@@ -75,12 +75,7 @@ def simulate(
     ] = 0,
     progress: options.Telling = silent,
 ) -> SimulateResult:
-    """Write a synthetic campaign with its truth.yaml.
-
-    Raises
-    ------
-    UsageError, RigError, NotConvergedError
-    """
+    """Write a synthetic campaign with its truth.yaml."""
     scenario = scenario.lower()
     check_folder(as_path(folder))
     loaded = rig_file(rig) if rig is not None else None

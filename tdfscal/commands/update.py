@@ -39,12 +39,6 @@ def update(
     The last calibration with its full covariance, widened by the random walk `drift.angle` since,
     is what is known before; one posture is enough to find new zeros. Of several campaigns one that
     `calibrate` rejects by itself takes no part, unless it is the last.
-
-    Raises
-    ------
-    TdfscalError
-        By cause: UsageError (another rig, a campaign older than the calibration), RigError,
-        DataError, NotIdentifiableError, NotConvergedError.
     """
     settings = Settings(progress, window(from_, to), trials=trials, command=command)
     return calibrate_several(campaign_folders(paths, rig), settings, rig, read_earlier(calibration))

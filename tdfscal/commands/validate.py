@@ -108,12 +108,7 @@ def validate(
     progress: options.Telling = silent,
     command: str = "",
 ) -> ValidateResult:
-    """Check a calibration on postures or on a motion without contact: valid, or what changed.
-
-    Raises
-    ------
-    UsageError, RigError, DataError
-    """
+    """Check a calibration on postures or on a motion without contact: valid, or what changed."""
     log = take(calibration, paths, rig, Settings(progress, window(from_, to)))
     c = log.calibration
     with log.explaining():

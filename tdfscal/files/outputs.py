@@ -33,15 +33,6 @@ class Outputs:
     inputs: list[Path] = field(default_factory=list)
     asked: list[Path] = field(default_factory=list)
 
-    def stage(self, path: Path) -> Path:
-        """Return where to write what shall appear at `path`. Raises UsageError, OSError."""
-        place = checked_place(path, self.inputs)
-        if place in self.staged:
-            what, hint = "two outputs go to one file", "choose another name"
-            raise UsageError(what, where=str(path), hint=hint)
-        self.staged[place] = beside = _beside(place)
-        return beside
-
     def appear(self) -> None:
         """Put everything in its place. Raises UsageError before anything has changed."""
         for place, beside in self.staged.items():
@@ -101,14 +92,21 @@ def replacing(path: Path) -> Iterator[Path]:
     """Give a path beside `path` to write to; at a clean end it takes the place of `path`.
 
     Inside `together` that is the end of all outputs. At an exception an existing file stays as it
-    was and no trace is left. Raises UsageError where the folder is missing or cannot be written.
+    was and no trace is left. Raises UsageError where the folder is missing or cannot be written, or
+    another output goes there.
     """
     with together() as outputs, writing(path):
-        beside = outputs.stage(path)
+        place = checked_place(path, outputs.inputs)
+        if place in outputs.staged:
+            what, hint = "two outputs go to one file", "choose another name"
+            raise UsageError(what, where=str(path), hint=hint)
+        beside = place.with_name(f".{place.name[:100]}.{secrets.token_hex(6)}.part")
+        beside.touch(exist_ok=False)  # the mode obeys the umask
+        outputs.staged[place] = beside
         try:
             yield beside
         except BaseException:
-            outputs.staged = {p: other for p, other in outputs.staged.items() if other != beside}
+            del outputs.staged[place]
             beside.unlink(missing_ok=True)
             raise
 
@@ -206,11 +204,3 @@ def writing(path: Path) -> Iterator[None]:
         what = f"cannot be written: {fault.strerror or fault}"
         hint = "check that the folder exists, may be written to and has room"
         raise UsageError(what, where=shorten(str(path), 300), hint=hint) from fault
-
-
-def _beside(place: Path) -> Path:
-    """Create a file to write to, beside its place."""
-    beside = place.with_name(f".{place.name[:100]}.{secrets.token_hex(6)}.part")
-    # O_EXCL: never into a file that something else laid there; the mode obeys the umask.
-    os.close(os.open(beside, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    return beside

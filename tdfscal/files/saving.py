@@ -144,18 +144,6 @@ def _hex(character: str) -> str:
 _BLOCK = 1 << 22
 
 
-def input_file(path: Path, integrity: Integrity) -> InputFile:
-    """Describe a file by its content, read in blocks.
-
-    path : the file; its text goes into the record as it was given. integrity : how far the reader
-    could check the content.
-
-    Raises UsageError where the file is not there or cannot be opened.
-    """
-    with fingerprint(path) as described:
-        return described(integrity)
-
-
 def in_utf8(text: str) -> str:
     r"""A file's name need not be UTF-8, what is written of it must: other bytes become \\xNN."""
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
@@ -183,7 +171,10 @@ def _without_nulls(value: Any) -> Any:
 def fingerprint(path: Path) -> Iterator[Callable[[Integrity], InputFile]]:
     """Compute a file's digest in a thread, beside its reading.
 
-    The function given waits for it and returns the record; leaving early abandons it.
+    The function given waits for it and returns the record: its path as it was given, and how far
+    the reader could check the content. Leaving early abandons it.
+
+    Raises UsageError where the file is not there or cannot be opened.
     """
     stop = threading.Event()
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="sha256") as pool:

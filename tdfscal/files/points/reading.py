@@ -79,11 +79,9 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
 
     length_unit : of a file that names none. Coordinates in m, standard uncertainties with k = 1.
 
-    Raises
-    ------
-    UsageError : the file cannot be opened.
-    DataError : it is not a point file that can be used: no unit, polar axes, probe offsets,
-        no number where one should be, one name for two points; the message names the line.
+    Raises UsageError where the file cannot be opened, DataError for what is no point file that can
+    be used: no unit, polar axes, probe offsets, no number where one should be, one name for two
+    points; the message names the line.
     """
     path = Path(path)
     text, source = read_text(path), str(path)
@@ -98,7 +96,7 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(*_XYZ)
     std, stated = _stated(table)
     found = [*named, *stated]
-    if ignored := table.columns.ignored:
+    if ignored := table.ignored:
         found.append(_found("columns-unused", source, columns=ignored))
     points = PointSet(
         group=tuple(group for group, _ in names),
@@ -131,7 +129,7 @@ def _parse_json(text: str, source: str) -> PointSet:
 
 def _factors(table: Table, length_unit: str | None) -> tuple[FloatArray, FloatArray]:
     """Factors to m of the coordinates and of their uncertainties, (3,) each."""
-    units, source = table.columns.units, table.source
+    units, source = table.units, table.source
     factor, own = (
         np.array([to_metres(units[role], source) if role in units else np.nan for role in roles])
         for roles in (_XYZ, _UXYZ)
@@ -155,11 +153,11 @@ def _factors(table: Table, length_unit: str | None) -> tuple[FloatArray, FloatAr
 
 def _names(table: Table) -> tuple[list[tuple[str, str]], list[Finding]]:
     """Group and point of each row, and findings; without names they are numbered by their rows."""
-    columns, source = table.columns, table.source
+    source = table.source
     points = [cell for cells in table.texts("point") for cell in cells]
     groups = [cell for cells in table.texts("group") for cell in cells]
     found = []
-    if points and columns.reflector and 2 * len(set(points)) <= len(points):
+    if points and table.reflector and 2 * len(set(points)) <= len(points):
         found.append(_found("column-of-reflectors", source, reflector=points[0]))
         points = []
     if not points:
@@ -194,8 +192,8 @@ def _refuse_probe_offsets(table: Table, names: list[tuple[str, str]]) -> None:
 
 def _stated(table: Table) -> tuple[FloatArray | None, list[Finding]]:
     """Standard uncertainties (N, 3), in the file's unit, as `PointSet.std` has them; findings."""
-    columns, source = table.columns, table.source
-    if "ux" not in columns.roles:
+    source = table.source
+    if "ux" not in table.roles:
         return None, []
     numbers = table.numbers(*_UXYZ, blank=True)
     there = np.isfinite(numbers)
@@ -207,15 +205,15 @@ def _stated(table: Table) -> tuple[FloatArray | None, list[Finding]]:
             table.refuse(k, "has a negative uncertainty", "check the line")
     if not np.any(numbers > 0):
         return None, [_found("uncertainty-unstated", source, zero=bool(there.any()))]
-    coverage = COVERAGE_FACTOR if columns.expanded else table.coverage or 1.0
-    if columns.expanded and table.coverage not in (None, 1.0, coverage):
+    coverage = COVERAGE_FACTOR if table.expanded else table.coverage or 1.0
+    if table.expanded and table.coverage not in (None, 1.0, coverage):
         what = f"has U(95) columns and names a coverage of {table.coverage:g} sigma"
         refuse(source, what, "correct one of them")
     found = []
-    if columns.expanded or table.coverage is not None:
-        code = "uncertainty-expanded" if columns.expanded else "uncertainty-sigma"
+    if table.expanded or table.coverage is not None:
+        code = "uncertainty-expanded" if table.expanded else "uncertainty-sigma"
         found.append(_found(code, source, coverage=coverage))
-    elif columns.bare:
+    elif table.bare:
         found.append(_found("uncertainty-standard", source))
     # A zero beside other uncertainties was rounded: it is anything below half a digit, and the end
     # of that interval is taken.

@@ -6,14 +6,14 @@ import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
 from tdfscal.errors import DataError, visible
 from tdfscal.files.field_types import LARGEST
 from tdfscal.files.yaml import unreadable
-from tdfscal.frozen import field, record
+from tdfscal.frozen import record
 from tdfscal.records import FloatArray
 
 METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254}
@@ -79,18 +79,27 @@ class Line:
 
 
 @record
-class Columns:
-    """What each column of a table is.
+class Table:
+    """A table of cells, and what its header and lines beside it say.
 
-    names : as they stand. roles : of each: group, point, x, y, z, ux, uy, uz, offset (of a probe,
-    which must be zero), or nothing. units : by role, where its name has one. expanded : the
-    uncertainties are U(95). bare : they are such as SpatialAnalyzer's `U-x`, whose coverage stands
-    elsewhere in the file. reflector : the points' column may hold the reflector's type instead.
+    names : of the columns, as they stand. roles : of each: group, point, x, y, z, ux, uy, uz,
+    offset (of a probe, which must be zero), or nothing. units : by role, where its name has one.
+    rows : number of the line, and cells. comma : a decimal comma is one. unit : of length, None
+    where none is named. axes : there is an AXES line of SpatialAnalyzer's. coverage : k of the
+    uncertainties, None where none is named; expanded : they are U(95). bare : they are such as
+    SpatialAnalyzer's `U-x`, whose coverage stands elsewhere in the file. reflector : the points'
+    column may hold the reflector's type instead.
     """
 
+    source: str
     names: Sequence[str]
     roles: Sequence[str]
-    units: Mapping[str, str] = field(default_factory=dict)
+    units: Mapping[str, str]
+    rows: Sequence[tuple[int, list[str]]]
+    comma: bool
+    unit: str | None
+    axes: bool
+    coverage: float | None
     expanded: bool = False
     bare: bool = False
     reflector: bool = False
@@ -100,31 +109,13 @@ class Columns:
         """Names of the columns that say nothing here."""
         return [n for n, role in zip(self.names, self.roles, strict=True) if n and not role]
 
-
-@record
-class Table:
-    """A table of cells, and what lines beside it say.
-
-    rows : number of the line, and cells. comma : a decimal comma is one. unit : of length, None
-    where none is named. axes : there is an AXES line of SpatialAnalyzer's. coverage : k of the
-    uncertainties, None where none is named.
-    """
-
-    source: str
-    columns: Columns
-    rows: Sequence[tuple[int, list[str]]]
-    comma: bool
-    unit: str | None
-    axes: bool
-    coverage: float | None
-
     def refuse(self, row: int, what: str, hint: str) -> NoReturn:
         """Raise DataError at a row."""
         refuse(f"{self.source}, line {self.rows[row][0]}", what, hint)
 
     def texts(self, *roles: str) -> list[list[str]]:
         """Return each row's cells of these roles."""
-        which = [i for role in roles for i, own in enumerate(self.columns.roles) if own == role]
+        which = [i for role in roles for i, own in enumerate(self.roles) if own == role]
         return [[cells[i] for i in which] for _, cells in self.rows]
 
     def numbers(self, *roles: str, blank: bool = False) -> FloatArray:
@@ -204,13 +195,15 @@ def read_table(text: str, source: str) -> Table:
         columns = _columns(_header_cells(header, delimiter), f"{source}, line {header.number}")
     elif axes and len(first) in (5, 6):  # of SpatialAnalyzer
         names = ("Collection", "group", "point", "x", "y", "z")[-len(first) :]
-        columns = Columns(names, [name.removeprefix("Collection") for name in names])
+        roles = [name.removeprefix("Collection") for name in names]
+        columns = {"names": names, "roles": roles, "units": {}}
     else:
         what = f"no line names the columns; the first reads {visible(', '.join(first)[:60])}"
         refuse(f"{source}, line {number}", what, _HEAD)
-    table = Table(source, columns, rows, delimiter != ",", unit, axes, coverage)
-    needed, expected = {"x", "y", "z", "group", "point"}, len(columns.roles)
-    least = 1 + max(i for i, role in enumerate(columns.roles) if role in needed)
+    stated: dict[str, Any] = {"rows": rows, "comma": delimiter != ",", "unit": unit, "axes": axes}
+    table = Table(source, coverage=coverage, **stated, **columns)
+    needed, expected = {"x", "y", "z", "group", "point"}, len(table.roles)
+    least = 1 + max(i for i, role in enumerate(table.roles) if role in needed)
     for k, (_, cells) in enumerate(rows):
         if not least <= len(cells) <= expected:
             what = f"has {len(cells)} columns where {expected} are expected"
@@ -294,8 +287,8 @@ def _header_cells(line: Line, delimiter: str) -> list[str]:
     return [n[:-1] if n.endswith("]") and n.count("]") > n.count("[") else n for n in names]
 
 
-def _columns(names: Sequence[str], where: str) -> Columns:
-    """Columns from the cells of a header line; DataError where they do not make a point table."""
+def _columns(names: Sequence[str], where: str) -> dict[str, Any]:
+    """What a header's cells say of a table; DataError where they do not make one of points."""
     units, kinds = dict[int, str | None](), {kind: dict[str, int]() for kind in _COLUMN}
     for i, name in enumerate(names):
         if (named := _named(name)) is not None:
@@ -319,14 +312,14 @@ def _columns(names: Sequence[str], where: str) -> Columns:
     for role, index in own.items():
         if index is not None:
             roles[index] = role
-    return Columns(
-        names,
-        roles,
-        {role: unit for i, role in enumerate(roles) if role and (unit := units.get(i))},
-        expanded=bool(kinds["expanded"]),
-        bare=any(re.match(r"U\W", names[i]) for i in kinds["standard"].values()),
-        reflector=point is None and target is not None and group is None,
-    )
+    return {
+        "names": names,
+        "roles": roles,
+        "units": {role: unit for i, role in enumerate(roles) if role and (unit := units.get(i))},
+        "expanded": bool(kinds["expanded"]),
+        "bare": any(re.match(r"U\W", names[i]) for i in kinds["standard"].values()),
+        "reflector": point is None and target is not None and group is None,
+    }
 
 
 def _named(name: str) -> tuple[str, str, str | None] | None:

@@ -75,22 +75,12 @@ class RigSketch:
 
 
 def sketch_rig(position: FloatArray, force: FloatArray, gravity: float) -> RigSketch:
-    """Estimate hinges, weight and mounting.
+    """Estimate hinges, weight and mounting; the posture nearest to the mean is the reference.
 
-    Parameters
-    ----------
     position : (K, n, 3), m, BCS; hinge centres. force : (K, n, 3), N on the terminal, sensor
-        frames.
-    gravity : m/s².
+    frames. gravity : m/s².
 
-    Returns
-    -------
-    RigSketch : with the posture nearest to the mean of all as its reference.
-
-    Raises
-    ------
-    DataError
-        No instant has finite numbers in all fields; others are left out.
+    Raises DataError where no instant has finite numbers in all fields; others are left out.
     """
     whole = np.isfinite(position).all(axis=(1, 2)) & np.isfinite(force).all(axis=(1, 2))
     if not whole.any():

@@ -7,7 +7,7 @@ import pytest
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.rig.recorders import LogBlock
-from tdfscal.files.saving import input_file
+from tdfscal.files.saving import fingerprint
 from tdfscal.logs import iter_log, read_log
 from tdfscal.records import Log
 from tests.files.logs.log_making import (
@@ -69,7 +69,8 @@ def test_several_files_are_one_campaign_in_order_of_time(tmp_path: Path) -> None
     log = read([late, early])
     np.testing.assert_array_equal(log.force[0].time, np.arange(20.0))
     assert [i.path for i in log.inputs] == [str(early), str(late)]
-    assert log.inputs[0] == input_file(early, "unverified")
+    with fingerprint(early) as described:
+        assert log.inputs[0] == described("unverified")
 
 
 def test_overlapping_files_are_refused(tmp_path: Path) -> None:
