@@ -141,13 +141,6 @@ OUTLYING_POINT: Final = 0.01
 UNUSABLE_SURVEY: Final = 1e-6
 #: Points whose removal lowers χ² by less than this apart: likelihoods within a factor of 100.
 POINTS_AS_LIKELY: Final = 9.2
-#: Chance that a source's stated uncertainty is right before the residuals are seen: even odds, the
-#: prior of a sharp hypothesis that favours neither side (Jeffreys).
-STATED_NOISE_RIGHT: Final = 0.5
-#: And after they are seen, below which the source is named.
-NOISE_UNDERSTATED: Final = 0.05
-#: That a faultless rig has any positioner axis reported, per survey.
-POSITIONER_AXIS: Final = 0.01
 #: That a scale other than 1, or groups apart, are reported of two point files which agree.
 SCALE_DIFFERS: Final = 0.01
 #: The mirrored fit must be this improbable before a set of points is taken to show its hand.

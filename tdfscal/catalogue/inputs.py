@@ -147,15 +147,9 @@ group-unknown warns
   {file}: group {subject} is no support of the rig
 moves-few warns
   {file}: {subject} has fewer than two moves; the other NCPs' axes stand for its own
-instrument-understated warns
-  the instrument's noise is {number:.2g} times the stated one; the result is weighted by it
-positioners-understated warns
-  the NCPs' positions scatter by {size} beyond what is stated; the result is weighted by it
-drawing-understated warns
-  the nominal points are off by {size} beyond what is stated; the result is weighted by it
-positioner-axis-faulty warns
-  {subject}: {axis}: {kind} {size} ± {spread}
-  -> calibrate the positioner
+survey-scatters warns
+  residuals of the {subject} are {number:.2g} times what is stated; the uncertainties are those of
+  so much noise
 targets-coplanar warns
   the targets of {subject} lie in one plane within their uncertainty: a mirrored frame would not be
   noticed

@@ -271,7 +271,8 @@ def parameter_std(active: BoolArray, posterior: FloatArray, parts: Spectrum) -> 
 def simulate_angles(
     draw: Callable[[int], FloatArray],
     rotation: FloatArray,
-    linear: Uncertainty,
+    rpy_std: FloatArray,
+    factor: FloatArray | float,
     known: BoolArray,
     max_trials: int,
     *,
@@ -280,8 +281,9 @@ def simulate_angles(
     """Draw until the averages are stable or the trials run out.
 
     draw : rotations (T, n, 3, 3) of T trials, at most `chunk` of them, about the estimate
-    `rotation` (n, 3, 3). known : (n,), sensors whose angles the data determine; those of the
-    others are not followed.
+    `rotation` (n, 3, 3). rpy_std : (n, 3), rad, linear standard uncertainty, and by its coverage
+    factor the half width of its interval. known : (n,), sensors whose angles the data determine;
+    those of the others are not followed.
     """
     followed = known[:, None].astype(np.float64)
 
@@ -289,6 +291,5 @@ def simulate_angles(
         drawn = [draw(min(chunk, size - start)) for start in range(0, size, chunk)]
         return np.concatenate([followed * so3.deviations(each, rotation) for each in drawn])
 
-    found = propagate(angles, linear.rpy_std, INTERVAL_COVERAGE, max_trials)
-    half = followed * linear.coverage_factor * linear.rpy_std
-    return found.about(so3.to_rpy(rotation), half)
+    found = propagate(angles, rpy_std, INTERVAL_COVERAGE, max_trials)
+    return found.about(so3.to_rpy(rotation), followed * factor * rpy_std)

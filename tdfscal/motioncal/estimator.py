@@ -216,7 +216,10 @@ def simulate(
         turn = (step[:, :turns] + bent @ gain.T) * followed
         return np.asarray(so3.exp(turn.reshape(trials, -1, 3)) @ still.rotation)
 
-    return simulate_angles(draw, still.rotation, of.uncertainty, known, max_trials, chunk=_CHUNK)
+    sure = of.uncertainty
+    return simulate_angles(
+        draw, still.rotation, sure.rpy_std, sure.coverage_factor, known, max_trials, chunk=_CHUNK
+    )
 
 
 #: Length of the stretches that are held out in turn, s, and how many at most.

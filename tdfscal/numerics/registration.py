@@ -202,20 +202,6 @@ def _inv(m: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.inv(m), dtype=np.float64)
 
 
-def outlier_p_beside(fit: Registration, columns: FloatArray) -> FloatArray:
-    """`outlier_p` (N,) beside the further parameters of `columns` (N, 3, q), as in `extend`."""
-    J = np.concatenate([fit.jacobian, -columns], axis=-1)
-    normal = np.einsum("nip,nij,njq->pq", J, fit.weight, J)
-    scale = 1 / np.sqrt(np.diag(normal))
-    # A parameter that the points do not show takes no share.
-    cov = scale[:, None] * np.linalg.pinv(scale[:, None] * normal * scale, 1e-10) * scale
-    step = -cov @ np.einsum("nip,nij,nj->p", J, fit.weight, fit.residual)
-    e = fit.residual + J @ step
-    statistic, redundancy, _ = _judge_points(e, J, fit.weight, cov)
-    chi2 = float(np.einsum("ni,nij,nj->", e, fit.weight, e))
-    return _outlier_p(statistic, redundancy, chi2, fit.dof - columns.shape[2])
-
-
 def _rounding(y: FloatArray, x: FloatArray) -> float:
     """Variance per coordinate of numbers of double precision, m²."""
     return float(np.finfo(np.float64).eps * max(np.abs(y).max(), np.abs(x).max())) ** 2

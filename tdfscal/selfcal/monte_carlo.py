@@ -209,5 +209,8 @@ def simulate(
             rotation = so3.exp(turn.reshape(size, -1, 3)) @ rotation
         return rotation
 
-    found = simulate_angles(draw, base, of.uncertainty, known, max_trials, chunk=CHUNK)
+    sure = of.uncertainty
+    found = simulate_angles(
+        draw, base, sure.rpy_std, sure.coverage_factor, known, max_trials, chunk=CHUNK
+    )
     return replace(found, unsettled=unsettled)

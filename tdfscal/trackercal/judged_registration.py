@@ -4,31 +4,21 @@ The worst point goes first, then the worst of the others, as long as its misfit 
 nothing but the points themselves tells their noise several outlying points hide one another in the
 residuals of all: there some more are taken out on trial, and all up to the last one whose misfit is
 no chance beside those that remain are off (generalized ESD: Rosner 1983).
-
-The residuals of the moves tell of scale and squareness of the NCPs' axes, too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError, TdfscalError
+from tdfscal.errors import DataError, NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
-from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.registration import (
-    LARGEST_MEANINGFUL_STD,
-    MirroredError,
-    Registration,
-    extend,
-    outlier_p_beside,
-)
+from tdfscal.numerics.registration import MirroredError, Registration
 from tdfscal.numerics.registration import register as solve
 from tdfscal.records import FloatArray, IntArray
-from tdfscal.significance import OUTLYING_POINT, POINTS_AS_LIKELY, POSITIONER_AXIS, UNUSABLE_SURVEY
+from tdfscal.significance import OUTLYING_POINT, POINTS_AS_LIKELY, UNUSABLE_SURVEY
 from tdfscal.trackercal.noise import Noise, least_noise
 from tdfscal.trackercal.point_matching import (
     MatchedPoints,
@@ -41,8 +31,6 @@ from tdfscal.trackercal.point_matching import (
 #: Without any noise given one point in so many may be off; of more not they are wrong, but what
 #: they are compared with. Points taken out on trial beyond the last one that is off.
 _ONE_IN, _ON_TRIAL = 4, 8
-FEWEST_FOR_OWN_AXES = 6
-"""Moves of one NCP; 12 parameters leave 6 degrees of freedom."""
 
 
 @record
@@ -67,13 +55,17 @@ class RejectedPoint:
 
 @record
 class SurveyFit:
-    """A registration of matched points. group : (N,), which of its translations each has."""
+    """A registration of matched points. group : (N,), which of its translations each has.
+
+    scale : by which the noise is larger than stated.
+    """
 
     points: MatchedPoints
     noise: Noise
     group: IntArray
     fit: Registration
     rejected: tuple[RejectedPoint, ...]
+    scale: float = 1.0
 
     @property
     def sigma(self) -> float:
@@ -102,7 +94,7 @@ def fit_survey(
     whole = best = current = _survey(points, noise, kept, common_shift, what)
     while len(out) < most and len(out) - len(best.rejected) < (1 if stated else _ON_TRIAL):
         fit, index = current.fit, current.group
-        p = _outlier_p(current, common_shift)
+        p = fit.outlier_p
         worst = int(np.argmin(p))
         if np.sum(index == index[worst]) <= least or fit.dof <= 3:
             break
@@ -153,47 +145,6 @@ def _rejected(
     away = np.linalg.norm(y - x @ fit.fit.rotation.T - shift, axis=1)
     each = zip(out, away, ratios, strict=True)
     return tuple(RejectedPoint(points.names[k], float(d), ratio, stated) for k, d, ratio in each)
-
-
-def _outlier_p(survey: SurveyFit, common_shift: bool) -> FloatArray:
-    """Probability of each point's misfit by chance.
-
-    A move is judged beside the other moves of its NCP, with axes of the NCP's own: what they
-    explain is a fault of the axes and no outlying point.
-    """
-    points, noise, index = survey.points, survey.noise, survey.group
-    p = survey.fit.outlier_p.copy()
-    if common_shift:
-        return p
-    for g in range(index.max() + 1):
-        here = np.flatnonzero(index == g)
-        if len(here) < FEWEST_FOR_OWN_AXES:
-            continue
-        C, D = noise.take(here).totals(len(here))
-        try:
-            own = solve(points.measured.xyz[here], points.reference.xyz[here], C, D)
-        except TdfscalError:
-            continue  # moves along one line, say: the joint fit judges them
-        servo = points.reference.xyz[here]
-        servo = servo - servo.mean(axis=0)
-        columns = np.einsum("ij,njq->niq", own.rotation, affine_columns(servo))
-        p[here] = outlier_p_beside(own, columns)
-    return p
-
-
-def affine_columns(servo: FloatArray) -> FloatArray:
-    """Displacement (N, 3, 6), m per unit, of points servo (N, 3), m, about their origin.
-
-    Columns: relative scale of x, y, z; squareness s of yz, zx, xy in rad, the angle between the
-    two axes being 90° + s, which is a symmetric shear of −s/2 on either side.
-    """
-    columns = np.zeros((len(servo), 3, 6))
-    for k in range(3):
-        columns[:, k, k] = servo[:, k]
-        i, j = (k + 1) % 3, (k + 2) % 3
-        columns[:, i, 3 + k] = -servo[:, j] / 2
-        columns[:, j, 3 + k] = -servo[:, i] / 2
-    return columns
 
 
 def _solve(points: MatchedPoints, noise: Noise, index: IntArray, what: str) -> Registration:
@@ -250,70 +201,3 @@ def _refuse_wrong_names(points: MatchedPoints, noise: Noise, common_shift: bool,
         else:
             continue
         raise DataError(fault, where=points.measured.source)
-
-
-_AFFINE = (
-    ("x axis", "scale", "1"),
-    ("y axis", "scale", "1"),
-    ("z axis", "scale", "1"),
-    ("y against z axis", "squareness", "rad"),
-    ("z against x axis", "squareness", "rad"),
-    ("x against y axis", "squareness", "rad"),
-)
-
-
-def _fault(
-    support: str, axis: str, kind: str, size: float, std: float, unit: str, p: float
-) -> Finding:
-    """A departure of one axis of one NCP, size ± std, and its probability by chance."""
-    values: dict[str, Value] = {"axis": axis, "kind": kind, "std": std}
-    return Finding("positioner-axis-faulty", (support,), size, unit, p, values=values)
-
-
-def examine_axes(moves: SurveyFit) -> tuple[Finding, ...]:
-    """Fit each support's moves by themselves, and return what departs significantly.
-
-    An affine map has six parameters more than a rigid one: three scales and three squarenesses.
-    """
-    names = moves.points.groups
-    limit = POSITIONER_AXIS / (7 * len(names))
-    tests = (test for name in names for test in _tests(moves, name))
-    return tuple(test for test in tests if test.p_value is not None and test.p_value < limit)
-
-
-def _tests(moves: SurveyFit, support: str) -> Iterator[Finding]:
-    """Every departure of one support's axes that its moves tell."""
-    which = moves.points.indices(support)
-    points, noise = moves.points.take(which), moves.noise.take(which)
-    try:
-        fit = solve(points.measured.xyz, points.reference.xyz, *noise.totals(len(which)))
-    except TdfscalError:
-        return  # too few moves of this support alone; the joint fit does not need them
-    yield from _turn(moves, fit, support)
-    servo = points.reference.xyz - points.reference.xyz.mean(axis=0)
-    affine = extend(fit, np.einsum("ij,njq->niq", fit.rotation, affine_columns(servo)))
-    if affine is None or fit.dof < 6:
-        return
-    stds = np.sqrt(np.diag(affine.covariance))
-    for (axis, kind, unit), value, std in zip(_AFFINE, affine.value, stds, strict=True):
-        p = float(chi2_sf((value / std) ** 2, 1))
-        yield _fault(support, axis, kind, float(value), float(std), unit, p)
-
-
-def _turn(moves: SurveyFit, fit: Registration, support: str) -> Iterator[Finding]:
-    """Turn of one NCP's axes against the others', about the axis where it is most certain.
-
-    The common rotation is the information-weighted mean of this support's own and the others',
-    H d_common = H_own d_own + H_others d_others, from which the others' follows.
-    """
-    R = moves.fit.rotation
-    own, common = (np.linalg.inv(f.rotation_covariance) for f in (fit, moves.fit))
-    others = common - own
-    if len(moves.points.groups) < 2 or np.linalg.eigvalsh(others)[0] <= LARGEST_MEANINGFUL_STD**-2:
-        return
-    d = R.T @ np.linalg.solve(others, common @ so3.log(fit.rotation @ R.T))
-    cov = R.T @ (fit.rotation_covariance + np.linalg.inv(others)) @ R
-    p, std = float(chi2_sf(d @ np.linalg.solve(cov, d), 3)), np.sqrt(np.diag(cov))
-    k = int(np.argmax(np.abs(d) / std))
-    axis, kind = f"all axes about {'xyz'[k]}", "turned against the other NCPs'"
-    yield _fault(support, axis, kind, float(d[k]), float(std[k]), "rad", p)

@@ -18,18 +18,15 @@ from tdfscal.frozen import record, replace
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo, chi2_sf
 from tdfscal.records import ExactMoves, FloatArray, Rig, Rotations, TrackerSession
-from tdfscal.significance import FAR_FROM_NOMINAL, MOST_REJECTED
+from tdfscal.significance import FAR_FROM_NOMINAL, MISFIT, MOST_REJECTED
 from tdfscal.trackercal.judged_registration import (
     RejectedPoint,
     SurveyFit,
-    examine_axes,
     fit_survey,
 )
 from tdfscal.trackercal.noise import (
     MEASURED_FILE,
     REFERENCE_FILE,
-    Components,
-    estimate_components,
     point_noise,
     simulate_inputs,
 )
@@ -52,8 +49,8 @@ class TrackerCalibration:
     moves, targets : the registrations behind it; of the moves of all NCPs, whose rotation is
     R_b^m, BCS → tracker, and of each sensor's targets.
     rpy, rpy_std : (n, 3), rad, roll, pitch, yaw.
-    chi2, dof, p_value : of all residuals together; birge = √(χ²/dof),
-    with the noise as stated. components : the noise of each source that the covariance is of.
+    chi2, dof, p_value : of all residuals together; birge = √(χ²/dof), with the noise as stated. The
+    covariance is of the noise that the residuals of the moves, and of all targets, show.
     budget : source → (n, 3), rad², its share of the variance of each angle; they sum to rpy_std².
     exact : what has no uncertainty stated, and what an error of it would do.
     """
@@ -67,7 +64,6 @@ class TrackerCalibration:
     dof: int
     p_value: float
     birge: float
-    components: Components
     budget: Mapping[str, FloatArray]
     monte_carlo: MonteCarlo | None
     findings: tuple[Finding, ...]
@@ -95,7 +91,7 @@ def calibrate_tracker(
     session: TrackerSession,
     *,
     misalignment: float = 0.0,
-    trials: int = 10_000,
+    trials: int = 20_000,
     rng: np.random.Generator | None = None,
 ) -> TrackerCalibration:
     """Calibrate the installation rotations of all supports by laser tracker.
@@ -110,11 +106,12 @@ def calibrate_tracker(
     NotIdentifiableError : targets or moves do not determine a rotation.
     """
     move_points, target_points, notes = _matched(rig, session)
-    moves, targets = _fit(rig, session, move_points, target_points, None)
+    moves, targets = _fit(rig, session, move_points, target_points)
     _refuse_many_outliers(moves, targets, session.targets.source)
-    chi2, dof = (sum(getattr(s.fit, name) for s in (moves, *targets)) for name in ("chi2", "dof"))
-    faults, components = examine_axes(moves), estimate_components(moves, targets)
-    moves, targets = _fit(rig, session, move_points, target_points, components)
+    chi2, dof = _misfit([moves, *targets])
+    larger = [("moves", _misfit([moves])), ("targets", _misfit(targets))]
+    scales = [max(1.0, float(np.sqrt(own / of))) for _, (own, of) in larger]
+    moves, targets = _fit(rig, session, move_points, target_points, *scales)
     X = so3.project(np.stack([moves.fit.rotation.T @ t.fit.rotation for t in targets]))
     shares = _shares(moves, targets, misalignment)
     covariance = np.sum(list(shares.values()), axis=0)
@@ -124,7 +121,7 @@ def calibrate_tracker(
         monte_carlo = simulate_inputs(
             moves,
             targets,
-            components.scaled(session.instrument),
+            session.instrument,
             misalignment,
             rpy_std,
             trials=trials,
@@ -140,13 +137,22 @@ def calibrate_tracker(
         dof=dof,
         p_value=float(chi2_sf(chi2, dof)),
         birge=float(np.sqrt(chi2 / dof)),
-        components=components,
         budget={name: so3.rpy_variance(X, share) for name, share in shares.items()},
         monte_carlo=monte_carlo,
         findings=notes,
         exact=_exact_quantities(rig.supports, X, session, misalignment),
     )
-    return replace(result, findings=(*notes, *_findings(rig, result, faults)))
+    scatter = [
+        Finding("survey-scatters", (whose,), size)
+        for (whose, of), size in zip(larger, scales, strict=True)
+        if chi2_sf(*of) < MISFIT
+    ]
+    return replace(result, findings=(*notes, *scatter, *_findings(rig, result)))
+
+
+def _misfit(surveys: Sequence[SurveyFit]) -> tuple[float, int]:
+    """χ² of the residuals of registrations, and its degrees of freedom."""
+    return sum(s.fit.chi2 for s in surveys), sum(s.fit.dof for s in surveys)
 
 
 def _matched(
@@ -181,19 +187,25 @@ def _fit(
     session: TrackerSession,
     moves: MatchedPoints,
     targets: MatchedPoints,
-    components: Components | None,
+    scale_moves: float = 1.0,
+    scale_targets: float = 1.0,
 ) -> tuple[SurveyFit, tuple[SurveyFit, ...]]:
-    """Register the moves of all NCPs, and the targets of each sensor; noise as stated by None."""
+    """Register the moves of all NCPs, and the targets of each sensor.
 
-    def fitted(points: MatchedPoints, source: str, std: float, least: int, what: str) -> SurveyFit:
-        noise = point_noise(points, session.instrument, {source: std})
-        if components is not None:
-            noise = components.enlarged(noise, source)
-        return fit_survey(points, noise, common_shift=least == 3, least=least, what=what)
+    scale_moves, scale_targets : how many times larger than stated their noise is.
+    """
+
+    def fitted(
+        points: MatchedPoints, reference: dict[str, float], scale: float, least: int, what: str
+    ) -> SurveyFit:
+        noise = point_noise(points, session.instrument, reference).scaled(scale)
+        found = fit_survey(points, noise, common_shift=least == 3, least=least, what=what)
+        return replace(found, scale=scale)
 
     own = {name: targets.take(targets.indices(name)) for name in rig.supports}
-    return fitted(moves, "positioner", rig.declared.positioner, 2, "moved points"), tuple(
-        fitted(points, "drawing", session.drawing, 3, f"targets of {name}")
+    servo, drawing = {"positioner": rig.declared.positioner}, {"drawing": session.drawing}
+    return fitted(moves, servo, scale_moves, 2, "moved points"), tuple(
+        fitted(points, drawing, scale_targets, 3, f"targets of {name}")
         for name, points in own.items()
     )
 
@@ -260,11 +272,9 @@ def _exact_quantities(
     return tuple(found)
 
 
-def _findings(rig: Rig, result: TrackerCalibration, faults: Sequence[Finding]) -> Iterator[Finding]:
-    """What the survey's numbers cannot vouch for; faults : of the NCPs' axes."""
+def _findings(rig: Rig, result: TrackerCalibration) -> Iterator[Finding]:
+    """What the survey's numbers cannot vouch for."""
     yield from (point.finding for point in result.rejected)
-    yield from result.components.understated
-    yield from faults
     if result.coplanar_targets:
         yield Finding("targets-coplanar", result.coplanar_targets)
     symmetric = {}
