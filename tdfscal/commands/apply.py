@@ -15,13 +15,13 @@ from tdfscal.commands.campaign import PathLike, one
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent, triple, window
 from tdfscal.commands.result import CommandResult
+from tdfscal.errors import UsageError
 from tdfscal.files.writers.logs import (
     COLUMNS,
     STATUS,
     SUFFIXES,
     columns_of,
     numbers_only,
-    read_recording,
     write_wrenches,
 )
 from tdfscal.findings import Finding
@@ -72,11 +72,11 @@ class ApplyResult(CommandResult):
         if self.columns is not None:
             return pd.DataFrame(self.columns)
         assert self.output is not None
-        if self.output.suffix.lower() == ".csv":
-            return pd.read_csv(self.output)
         if self.output.suffix.lower() == ".mcap":
-            return pd.DataFrame(read_recording(self.output))
-        return pd.read_parquet(self.output)
+            hint = "name a .csv or .parquet file for them, or none"
+            raise UsageError("the samples are in a recording", where=str(self.output), hint=hint)
+        read = pd.read_csv if self.output.suffix.lower() == ".csv" else pd.read_parquet
+        return read(self.output)
 
     def drawings(self) -> tuple[Drawing, ...]:
         """Return the figure of the contact wrench over the time of the log."""

@@ -320,10 +320,7 @@ def _with_survey(
 
 
 def _with_page(
-    error: NotIdentifiableError | NotConvergedError,
-    log: LogPass,
-    paths: Sequence[Path],
-    page: Path,
+    error: NotIdentifiableError | NotConvergedError, log: LogPass, paths: Sequence[Path], page: Path
 ) -> TdfscalError:
     """Write the page of an error that says the data do not give the angles; let it name the page.
 

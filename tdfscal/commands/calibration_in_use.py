@@ -10,20 +10,9 @@ import numpy as np
 
 from tdfscal.catalogue import rigs_apart
 from tdfscal.checks.calibrated_rig import Inspection, contradictions, other_papers
-from tdfscal.commands.campaign import (
-    PathLike,
-    PathLikes,
-    measured,
-    no_log,
-    resolve,
-    stated_date,
-)
+from tdfscal.commands.campaign import PathLike, PathLikes, measured, no_log, resolve, stated_date
 from tdfscal.commands.log_pass import LogPass, Settings
-from tdfscal.commands.result import (
-    Calibration,
-    CalibrationSource,
-    read_source,
-)
+from tdfscal.commands.result import Calibration, CalibrationSource, read_source
 from tdfscal.dwells.dwell_means import Thermometer
 from tdfscal.errors import DataError, RigError, UsageError
 from tdfscal.files.calibration.compared import defects
@@ -36,12 +25,7 @@ from tdfscal.model.calibrated import Calibrated, about_point
 from tdfscal.model.postures import ZeroAge
 from tdfscal.model.samples_in_motion import Samples, Tally, aligned
 from tdfscal.records import CampaignInfo, FloatArray, Rig, by_wall_clock
-from tdfscal.wrench.contact_wrench import (
-    Wrenches,
-    at_rest,
-    in_motion,
-    unknown_components,
-)
+from tdfscal.wrench.contact_wrench import Wrenches, at_rest, in_motion, unknown_components
 from tdfscal.wrench.wrench_noise import (
     LogHead,
     ZeroVariance,

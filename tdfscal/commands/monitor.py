@@ -35,12 +35,7 @@ from tdfscal.frozen import record
 from tdfscal.logs import is_log
 from tdfscal.reporting.history import History, Source, day, finding
 from tdfscal.reporting.layout import LISTED, Drawing
-from tdfscal.reporting.traceability import (
-    Making,
-    calibration_fact,
-    day_measured,
-    report_digest,
-)
+from tdfscal.reporting.traceability import Making, calibration_fact, day_measured, report_digest
 
 
 @record(eq=False)

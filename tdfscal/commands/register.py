@@ -60,8 +60,7 @@ def register(
     *,
     unit: Annotated[LengthUnit | None, Option("of files that name none")] = None,
     match: Annotated[
-        Match,
-        Option("pair points by group and name, by name in whatever group, or row by row"),
+        Match, Option("pair points by group and name, by name in whatever group, or row by row")
     ] = "name",
     groups: Annotated[
         Mapping[str, str] | Sequence[str],

@@ -65,8 +65,7 @@ class ReportResult(CompareResult):
 @options.command("report calibration.yaml --html report.html")
 def report(
     *files: Annotated[
-        options.Several,
-        Option("calibration files; - for stdin", list[Path], "FILE"),
+        options.Several, Option("calibration files; - for stdin", list[Path], "FILE")
     ],
     html: Annotated[
         PathLike | None,

@@ -111,8 +111,15 @@ def validate(
     """Check a calibration on postures or on a motion without contact: valid, or what changed."""
     log = take(calibration, paths, rig, Settings(progress, window(from_, to)))
     c = log.calibration
+    result: Validation | MovingValidation | None = None
     with log.explaining():
-        result = _tested(log, samples)
+        if samples == "moving":
+            result = _by_motion(log, log.moving())
+        else:
+            dwells, slow = log.samples(samples)
+            if slow is not None:
+                result = where_few(dwells, ENOUGH, partial(_by_motion, log, slow))
+            result = result or _by_postures(log, dwells)
     # What the log says of itself comes with its dwells.
     own = (Finding("log-used-before", (path,)) for path in result.own)
     when, past = MeasuredResult.of(measured(log)), log.before_calibration()
@@ -124,17 +131,6 @@ def validate(
     found = (*log.known, *own, *past, *lost, *result.findings)
     origin = Origin(c, log.name, log.campaign.rig, when, Making(command, tuple(log.inputs)))
     return ValidateResult(result, c, found, origin)
-
-
-def _tested(log: LogInUse, samples: Samples | None) -> Validation | MovingValidation:
-    """Test by the dwells where there are enough, else by the motion."""
-    if samples == "moving":
-        return _by_motion(log, log.moving())
-    dwells, slow = log.samples(samples)
-    found = None
-    if slow is not None:
-        found = where_few(dwells, ENOUGH, partial(_by_motion, log, slow))
-    return _by_postures(log, dwells) if found is None else found
 
 
 def _by_motion(log: LogInUse, slow: Slow) -> MovingValidation:
@@ -152,6 +148,7 @@ def _by_postures(log: LogInUse, dwells: Dwells) -> Validation:
     if len(dwells):
         warm = None if dwells.temperature is None else dwells.temperature[0]
         age = log.zero_age(float(dwells.start[0]), warm)
+    fit = None if log.calibration.motion else log.calibration.fit  # that is of samples in motion
     own = _used_before(log, dwells)
     alone = len(dwells) - len(own) < ENOUGH  # too few others to judge by
     found = residual_wrench.validate(
@@ -159,19 +156,11 @@ def _by_postures(log: LogInUse, dwells: Dwells) -> Validation:
         dwells,
         rig=log.rig,
         noise=log.reading_noise,
-        known=_known_noise(log.calibration),
+        known=AS_STATED if fit is None else KnownNoise(max(1.0, fit.birge), fit.dof),
         age=age,
         aside={} if alone else {k: Finding("posture-used-before", (own[k],)) for k in own},
     )
     return replace(found, own=tuple(dict.fromkeys(own.values())) if alone else ())
-
-
-def _known_noise(c: Calibration) -> KnownNoise:
-    """What the calibration found of the noise."""
-    fit = c.fit
-    if fit is None or c.motion is not None:  # that is of samples in motion
-        return AS_STATED
-    return KnownNoise(max(1.0, fit.birge), fit.dof)
 
 
 def _used_before(log: LogInUse, dwells: Dwells) -> dict[int, str]:

@@ -6,6 +6,7 @@ Numbers are strict (no bool, NaN, ∞ or text); `saving.plain` makes them of arr
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated, Any, Generic, Literal, TypeVar
 
@@ -43,10 +44,7 @@ class Strict(BaseModel):
 
     # A part is checked within its file, so that only the files' own validators need building.
     model_config = ConfigDict(
-        extra="forbid",
-        frozen=True,
-        protected_namespaces=(),
-        defer_build=True,
+        extra="forbid", frozen=True, protected_namespaces=(), defer_build=True
     )
 
     @model_validator(mode="before")
@@ -54,7 +52,7 @@ class Strict(BaseModel):
     def _keys_known(cls, given: Any) -> Any:
         for name in given if isinstance(given, dict) else ():
             if name not in cls.model_fields:
-                raise _unknown_key(str(name), list(cls.model_fields))
+                raise unknown_key(str(name), list(cls.model_fields))
         return given
 
     def __hash__(self) -> int:
@@ -62,16 +60,17 @@ class Strict(BaseModel):
         return hash((type(self), frozenset(self.model_fields_set)))
 
 
-def _unknown_key(name: str, known: list[str]) -> PydanticCustomError:
+def unknown_key(name: str, known: Sequence[str], *place: str | int) -> PydanticCustomError:
+    """Return the error of a key that is none of those known at a place: which it may be."""
     if name.isdecimal():
         hint = "write decimals with a point: in braces a comma ends a value"
-        return fault(f"unknown key `{name}`", name, hint=hint)
+        return fault(f"unknown key `{name}`", *place, name, hint=hint)
     near, hint = nearest(name, known), "rename or remove it"
     if near is None:
         near = nearest(name, known, cutoff=0.0) or known[0]
         hint = f"remove it; known here are {', '.join(known)}"
     said = f"unknown key `{shorten(name)}`, the nearest known key is `{near}`"
-    return fault(said, name, hint=hint)
+    return fault(said, *place, name, hint=hint)
 
 
 def key(description: str, default: Any = ..., **more: Any) -> Any:

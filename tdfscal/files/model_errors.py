@@ -99,7 +99,7 @@ def _in_file(place: Place, content: Any) -> tuple[Place, int]:
 
 
 _MISSING: dict[str | int, str] = {
-    "std": f"add it: `std: 0` says exact, `std: {UNKNOWN}` says unknown",
+    "std": f"add it: `std: 0` says exact, `std: {UNKNOWN}` says unknown"
 }
 _PHRASES = {
     "string_pattern_mismatch": "has a character that is not allowed here",

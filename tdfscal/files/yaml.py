@@ -13,7 +13,7 @@ import hashlib
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import takewhile
 from os import PathLike
@@ -254,7 +254,7 @@ def shorten(text: str, limit: int = 40) -> str:
     return clean if len(clean) <= limit else clean[: limit - 1] + "…"
 
 
-def nearest(name: str, known: list[str], cutoff: float = 0.6) -> str | None:
+def nearest(name: str, known: Sequence[str], cutoff: float = 0.6) -> str | None:
     """Return the known name most like `name`, None where none resembles it."""
     folded = {key.lower(): key for key in reversed(known)}
     found = difflib.get_close_matches(name.lower(), list(folded), n=1, cutoff=cutoff)

@@ -12,12 +12,7 @@ import numpy as np
 from tdfscal.catalogue import rigs_apart
 from tdfscal.checks.calibrated_rig import different_constants, other_papers, other_rig
 from tdfscal.checks.shared_data import Readings, Recorded, relation
-from tdfscal.comparison.compatibility import (
-    Comparison,
-    Nested,
-    compare_pair,
-    in_order_of,
-)
+from tdfscal.comparison.compatibility import Comparison, Nested, compare_pair, in_order_of
 from tdfscal.files.calibration.document import Calibration, overdue, unsealed
 from tdfscal.files.calibration.evidence import CampaignResult
 from tdfscal.files.calibration.parameters import UNCONFIRMED

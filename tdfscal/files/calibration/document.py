@@ -8,12 +8,7 @@ from pydantic import PrivateAttr, model_validator
 
 from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration import evidence, parts
-from tdfscal.files.calibration.parameters import (
-    ALTERED,
-    Parameters,
-    check,
-    status_of,
-)
+from tdfscal.files.calibration.parameters import ALTERED, Parameters, check, status_of
 from tdfscal.files.field_types import Count, FreeText, Sha256, Strict, fault, key, open_as_infinite
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.outputs import check_suffix

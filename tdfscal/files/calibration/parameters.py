@@ -28,14 +28,7 @@ from tdfscal.model.parameters import (
 )
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import triangular
-from tdfscal.records import (
-    ANGLES,
-    BoolArray,
-    ExactMoves,
-    FloatArray,
-    IntArray,
-    UncertainValue,
-)
+from tdfscal.records import ANGLES, BoolArray, ExactMoves, FloatArray, IntArray, UncertainValue
 
 if TYPE_CHECKING:  # pulls in the estimator, which a file's reader can do without
     from tdfscal.files.calibration.document import Calibration

@@ -16,8 +16,7 @@ from pydantic import (
 )
 
 from tdfscal.files import field_types as kind
-from tdfscal.files.field_types import Quantity, Strict, block, fault, key
-from tdfscal.files.yaml import nearest
+from tdfscal.files.field_types import Quantity, Strict, block, fault, key, unknown_key
 from tdfscal.records import CLOCK_RATE_STD, ClockPrior, Instrument, Rows
 
 Dimension = Literal["position", "force", "time"]
@@ -262,7 +261,9 @@ def _check_block(
             *(*place, "rows"),
             hint="give the recordings themselves",
         )
-    _check_known(names, list(recorder.supports or ()), *place, "supports")
+    for name in recorder.supports or ():
+        if name not in names:
+            raise unknown_key(name, names, *place, "supports")
     warm, taken = recorder.temperature, dict[str, str]()
     served = {(*place, "supports", *what): used for what, used in recorder.fields.items()}
     served[*place, "temperature"] = tuple(dict.fromkeys(warm or ()))
@@ -278,16 +279,6 @@ def _check_block(
             *(*place, "temperature"),
             hint="name one field for all, or one per support",
         )
-
-
-def _check_known(names: Sequence[str], given: Sequence[str], *place: str | int) -> None:
-    """Refuse a support that is none of the rig's, with the one that is meant perhaps."""
-    for name in given:
-        if name not in names:
-            unused = [other for other in names if other not in given]
-            near = nearest(name, unused or list(names), cutoff=0.0)
-            hint = f"write `{near}` perhaps"
-            raise fault(f"`{name}` is no support of this rig", *place, name, hint=hint)
 
 
 class InstrumentBlock(Strict):

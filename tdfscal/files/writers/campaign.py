@@ -15,14 +15,7 @@ from tdfscal.files.outputs import make_folder, replacing, together, writing
 from tdfscal.files.rig.reading import DRIFT_UNITS
 from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.files.writers import logs
-from tdfscal.records import (
-    CampaignInfo,
-    Drift,
-    Log,
-    Rig,
-    SensorInfo,
-    TrackerSession,
-)
+from tdfscal.records import CampaignInfo, Drift, Log, Rig, SensorInfo, TrackerSession
 from tdfscal.simulation import (
     MOVING,
     Campaign,

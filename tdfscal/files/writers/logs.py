@@ -210,10 +210,7 @@ Append = Callable[[Wrenches], None]
 
 
 def write_wrenches(
-    path: Path,
-    pieces: Iterable[Wrenches],
-    about: Mapping[str, str],
-    frame: str = LCS_FRAME,
+    path: Path, pieces: Iterable[Wrenches], about: Mapping[str, str], frame: str = LCS_FRAME
 ) -> int:
     """Write the pieces as they come and return the number of rows.
 
@@ -316,26 +313,3 @@ def recording(path: Path, about: Mapping[str, str], frame: str) -> Iterator[Appe
                     writer.add_message(channel, at, data=data, publish_time=at, sequence=k)
 
         yield append
-
-
-def read_recording(path: Path) -> dict[str, FloatArray]:
-    """Read columns by their names in a table from what `recording` wrote."""
-    from mcap.reader import make_reader
-
-    columns: dict[str, FloatArray] = {}
-    messages: dict[str, list[bytes]] = {topic: [] for topic in TOPICS}
-    with path.open("rb") as file:
-        for _, channel, message in make_reader(file).iter_messages():
-            messages[channel.topic].append(message.data)
-    for topic, prefix in TOPICS.items():
-        size = len(messages[topic][0])
-        layout: Any = {
-            "names": ["sec", "nanosec", "wrench"],
-            "formats": ["<i4", "<u4", "6<f8"],
-            "offsets": [4, 8, size - 48],
-            "itemsize": size,
-        }
-        rows: Any = np.frombuffer(b"".join(messages[topic]), np.dtype(layout))
-        columns["time"] = rows["sec"] + rows["nanosec"] * 1e-9
-        columns |= {f"{prefix}{c}": rows["wrench"][:, k] for k, c in enumerate(COMPONENTS)}
-    return columns
