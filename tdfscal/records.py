@@ -233,6 +233,8 @@ class Rig:
     """Per support; empty where the rig file names none."""
     earlier: JointPrior | None = None
     """What earlier campaigns know of the constants; no part of the rig file."""
+    zeros_common: bool = False
+    """The zeros are other campaigns' too, and so among the constants; no part of the rig file."""
 
     @property
     def n(self) -> int:

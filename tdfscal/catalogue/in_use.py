@@ -228,6 +228,9 @@ turn-suspected warns
 turns-visible notes
   of turns since {subject} those of {size} or more, whatever the angle, would have raised an alarm
     with {power:.0%} probability
+tare-common notes
+  {subject}: their zeros agree as if nobody had tared between them, and the error of that tare
+  counts once
 campaign-noisy warns
   {subject} scatters {number:.2g} times as much as is stated, and counts with that
 checks-undated warns

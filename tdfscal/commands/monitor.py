@@ -107,9 +107,17 @@ def monitor(
     progress(f"going through {len(checks)} checks")
     ordered: list[Earlier | Judged] = sorted([*reads, *known], key=lambda check: check.month)
     rig = max(checks, key=lambda check: check.month).rig
-    life, noisy = life_of(rig, pool(checks))
+    pooled = pool(checks)
+    life, noisy = life_of(rig, pooled)
     making = Making(command, tuple(file for one in reads for file in one.read.log.inputs))
-    found = [*lost, *papers, *noisy, *_findings(life, checks), *overdue(rig, making.created[:10])]
+    found = [
+        *lost,
+        *papers,
+        *noisy,
+        *pooled.one_tare(),
+        *_findings(life, checks),
+        *overdue(rig, making.created[:10]),
+    ]
     found += (finding(life, alarm) for alarm in life.alarms)
     return MonitorResult(rig, life, tuple(found), tuple(map(_source, ordered)), making)
 

@@ -227,7 +227,7 @@ def calibrate_several(
     life, _ = life_of(read.rig, pooled)
     changes, pooled = _changes(life, pooled)
     at = pooled.index(last)
-    known_before = pooled.others(read.rig, at)
+    known_before = pooled.others(at)
     if not (read.rig.drift.angle or changes):
         known_before = with_unmoved(known_before, life.detectable)
     own = calibrate_informed(read, replace(read.rig, earlier=known_before), settings.trials)
@@ -249,6 +249,7 @@ def calibrate_several(
     remarks = drafted(one.read.log.campaign.rig for one in reads)
     remarks += [one.remark for one in reads if one is not last and one.remark]
     remarks += [said for said in read.log.messages if said not in own.findings]
+    remarks += pooled.one_tare()
     remarks += turn_suspected(life, checks=1 if earlier else max(len(reads) - 1, 1))
     if earlier:
         remarks += [*turns_visible(life), *defects(earlier.name, earlier.file)]
@@ -298,7 +299,7 @@ def _campaigns(reads: Sequence[Judged], pooled: Pool) -> Iterator[CampaignResult
     for read, index in ((one.read, pooled.index(one)) for one in reads):
         member = pooled.members[index]
         yield campaign(
-            *pooled.own_state(read.rig, index),
+            *pooled.own_state(index),
             read.rig.axes,
             read.means,
             name=read.name,

@@ -1,9 +1,10 @@
-"""What several campaigns have in common: constants, terminals as stated, what is taken as exact,
-and a walk of the angles between them.
+"""What several campaigns have in common: constants, terminals as stated, a tare that nobody
+renewed, what is taken as exact, and a walk of the angles between them.
 
 A weighing that M rig files state alike is one realisation; taken as each campaign's own its error
 would be averaged M times away (theory, section 13). Each campaign has the constants of the rig, and
-of the terminals its own.
+of the terminals its own. So it is with zeros where nobody tared between two campaigns: the tare's
+error is one, and since then they moved by little. Nobody states it; the readings tell (`kept`).
 
 An error of the level, of a datum or of a gain is the rig's too: each campaign has it, and the pool
 moves by all of their moves, each with the weight of its information, Σᵢ Wᵢ mᵢ with Wᵢ = Λ⁻¹ Λᵢ.
@@ -28,7 +29,13 @@ from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import free_constants, of_load, same_load
+from tdfscal.model.calibrated import (
+    among_constants,
+    free_constants,
+    of_load,
+    same_load,
+    tare_std,
+)
 from tdfscal.model.parameters import State
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Information, contrast, nothing
@@ -41,13 +48,15 @@ class Common:
     """Common parameters (C,) of campaigns with these rig files; rotations first.
 
     places : per campaign (c,), which of them its own free constants are.
-    terminal : per campaign, the first one whose rig file states the same load.
+    terminal : per campaign, the first one whose rig file states the same load. tare : the first one
+    whose tare it has.
     """
 
     rigs: tuple[Rig, ...]
     size: int
     places: tuple[IntArray, ...]
     terminal: tuple[int, ...]
+    tare: tuple[int, ...]
 
     def embedded(self, index: int, own: Information) -> Information:
         """What one campaign says of its own constants (c,), as of all common ones."""
@@ -66,7 +75,7 @@ class Common:
     def stated(self, references: Sequence[State]) -> Information:
         """What the rig files state of them, counted once, about each campaign's reference."""
         out = nothing(self.size)
-        for k in sorted(set(self.terminal)):
+        for k in sorted({*self.terminal, *self.tare}):
             own = self.embedded(k, stated(Priors(self.rigs[k]), references[k]))
             at = self.places[k]
             out.matrix[at], out.score[at] = own.matrix[at], own.score[at]
@@ -80,42 +89,89 @@ class Common:
         return step
 
 
-def common(rigs: Sequence[Rig]) -> Common:
-    """Find what campaigns of one rig have in common, by what their rig files state."""
-    size, places, terminal = int(free_constants(rigs[0]).sum()), list[IntArray](), list[int]()
-    constant = np.flatnonzero(~of_load(rigs[0]))
-    for k, rig in enumerate(rigs):
-        first = next(j for j in range(k + 1) if same_load(rigs[j], rig))
-        terminal.append(first)
-        if first < k:
-            places.append(places[first])
-            continue
-        load = of_load(rig)
+def common(rigs: Sequence[Rig], tare: Sequence[int]) -> Common:
+    """Find what campaigns of one rig have in common, by what their rig files state.
+
+    tare : per campaign, the first one whose tare it has; where there are others under it, its zeros
+    are among the constants.
+    """
+    terminal = [next(j for j, a in enumerate(rigs) if same_load(a, rig)) for rig in rigs]
+    alone = [tare.count(first) == 1 for first in tare]
+    rigs = [replace(rig, zeros_common=not own) for rig, own in zip(rigs, alone, strict=True)]
+    size, places = int(free_constants(rigs[0]).sum()), [np.arange(free_constants(rigs[0]).sum())]
+    groups = [(of_load(rig), among_constants(rig, "zero")) for rig in rigs]
+    for k, (load, zero) in enumerate(groups[1:], 1):
         at = np.empty(len(load), dtype=np.int_)
-        at[~load] = constant
-        new = np.arange(int(load.sum()))
-        at[load] = np.flatnonzero(load) if k == 0 else size + new
-        size += len(new) * (k > 0)
+        for number, (own, first) in enumerate(((load, terminal[k]), (zero, tare[k]))):
+            if first < k:
+                at[own] = places[first][groups[first][number]]
+            else:
+                at[own] = size + np.arange(own.sum())
+                size += int(own.sum())
+        at[~load & ~zero] = places[0][~groups[0][0] & ~groups[0][1]]
         places.append(at)
-    return Common(tuple(rigs), size, tuple(places), tuple(terminal))
+    return Common(tuple(rigs), size, tuple(places), tuple(terminal), tuple(tare))
+
+
+#: Shares of what a new tare changes the zeros by, in variance, that are tried, and the largest by
+#: which they move without one.
+_MOVED, _KEPT = np.array([0.0, *np.geomspace(1e-4, 1.0, 25)]), 0.1
+
+
+def kept(difference: FloatArray, covariance: FloatArray, std: FloatArray) -> float:
+    """By how much zeros moved without a tare, as a share of what a new one changes; 1 of a new one.
+
+    difference : (z,), N, of the zeros of two campaigns, with its covariance (z, z), as estimated
+    with tares of their own. std : (z,), N, of a tare.
+
+    Under two tares the difference has the variance 2 σ² beforehand, under one tare a share t of it
+    by which zeros moved since; the most likely t is taken (empirical Bayes). A tare that is taken
+    for none, where hardly anything is told of the zeros, makes intervals wider, not too narrow.
+    """
+    unit = np.sqrt(2) * std
+    part, basis = np.linalg.eigh(covariance / unit[:, None] / unit)
+    part, along = np.clip(part, np.finfo(float).eps, 1.0), basis.T @ (difference / unit)
+    told = 1 / part - 1  # by the readings alone, where a new tare's is 1
+    wide = 1 + _MOVED[:, None] * told
+    likelihood = np.sum(_MOVED[:, None] * (along / part) ** 2 / wide - np.log(wide), axis=1)
+    moved = float(_MOVED[np.argmax(likelihood)])
+    return moved if moved < _KEPT else 1.0
+
+
+def under_one_tare(
+    rigs: Sequence[Rig], tare: Sequence[int], shares: FloatArray
+) -> tuple[Common, list[FloatArray]]:
+    """What campaigns have in common, and the variances (C,) by which zeros moved before each.
+
+    tare : per campaign, the first one whose tare it has. shares : (K,), as `kept` says.
+    """
+    shared = common(rigs, tare)
+    moved = [np.zeros(shared.size) for _ in rigs]
+    for k in np.flatnonzero(np.arange(len(tare)) - tare):
+        at = shared.places[k][among_constants(shared.rigs[k], "zero")]
+        moved[k][at] = 2 * shares[k] * tare_std(shared.rigs[k]) ** 2
+    return shared, moved
 
 
 #: Sources of the budget that are of the rig, or of a terminal: one error in all campaigns.
 _OF_ALL = ("sensitivity", "mass", "barycentre", "hinge", "datum", "gravity", "compliance")
 
 
-def sources_together(each: Sequence[Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
+def sources_together(
+    each: Sequence[Mapping[str, FloatArray]], one_tare: bool
+) -> dict[str, FloatArray]:
     """Shares (n, 3) of the sources in the variance of campaigns together, by those of each alone.
 
     each : of a campaign, variances (n, 3) of roll, pitch, yaw by source. As of means weighted by
-    these variances: what is the rig's adds up, the others average out.
+    these variances: what is the rig's adds up, as does a tare of all; the others average out.
     """
+    of_all = (*_OF_ALL, "zero") if one_tare else _OF_ALL
     told = [one for one in each if one]
     weights = [1.0 / np.maximum(sum(one.values()), np.finfo(float).tiny) for one in told]
     found: dict[str, FloatArray] = {}
     for name in dict.fromkeys(name for one in told for name in one):
         std = [w * np.sqrt(one.get(name, 0.0)) for w, one in zip(weights, told, strict=True)]
-        together = np.square(np.sum(std, axis=0)) if name in _OF_ALL else np.sum(np.square(std), 0)
+        together = np.square(np.sum(std, axis=0)) if name in of_all else np.sum(np.square(std), 0)
         found[name] = np.asarray(together)
     total = np.sum(list(found.values()), axis=0)
     total = np.where(total > 0, total, 1.0)  # of a sensor that has no angles

@@ -172,13 +172,15 @@ class Check:
     """What one calibration, or one campaign, says of the constants (C,); rotations first.
 
     month : date of measurement in months from any instant. load : places of its terminal's mass
-    and barycentre among the constants; none where they are not asked for.
+    and barycentre among the constants; none where they are not asked for. moved : variance (C,)
+    by which constants other than the turns are others than at the check before.
     """
 
     name: str
     month: float
     own: Information
     load: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int_))
+    moved: FloatArray = field(default_factory=lambda: np.zeros(()))
 
 
 class Watching:

@@ -132,7 +132,8 @@ def live(
 
     def steps(walk: float) -> list[FloatArray]:
         size = len(prior.score)
-        return [turned(rig, walk * float(np.sqrt(max(gap, 0.0))), size) for gap in gaps]
+        wide = (walk * float(np.sqrt(max(gap, 0.0))) for gap in gaps)
+        return [turned(rig, q, size) + c.moved for q, c in zip(wide, checks, strict=True)]
 
     watch = Watching(checks, prior, steps(rig.drift.angle), n, rate).run()
     jumps = [a - b for a, b in zip(watch.walk, steps(rig.drift.angle), strict=True)]
@@ -144,7 +145,7 @@ def live(
     if len(checks) >= _FEWEST_FOR_WALK and gaps.sum() > _ONE_DAY:
         walk = intensity(lambda q: Walk(own, prior, jumping(q)).log_likelihood())
     used = max(rig.drift.angle, walk.value if walk else 0.0)
-    rest, still = (Walk(own, prior, each).others() for each in (jumping(used), jumps))
+    rest, still = (Walk(own, prior, jumping(q)).others() for q in (used, 0.0))
     alone = _told(
         (
             (a.walked(turned(rig, EVEN_TURN, len(prior.score))), b)
@@ -259,7 +260,8 @@ def life_of(rig: Rig, pooled: Pool) -> tuple[Life, list[Finding]]:
     fits, told = list[tuple[float, int]](), _determined(rig, pooled)
     for k, m in enumerate(pooled.members):
         own = m.own if told.all() else added_to(rig, m.own + prior, prior, told)
-        checks.append(Check(m.name, m.month, own, shared.places[k][of_load(shared.rigs[k])]))
+        load = shared.places[k][of_load(shared.rigs[k])]
+        checks.append(Check(m.name, m.month, own, load, pooled.moved[k]))
         fits.append(replace(m, reduced=replace(m.reduced, information=own)).within(prior))
     birge = _scatter(fits)
     least = float(birge.min())

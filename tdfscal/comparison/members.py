@@ -6,7 +6,8 @@ calibration that stands on an earlier one in the pool only by what its own data 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Self
 
 import numpy as np
 
@@ -59,6 +60,11 @@ class Recorded:
     exact: tuple[ExactMoves, ...] = ()
     contributions: Mapping[str, FloatArray] = field(default_factory=dict)
 
+    def of_rig(self, rig: Rig) -> Self:
+        """The same by another account of what its rig has in common with others."""
+        own = None if self.estimate is None else replace(self.estimate, rig=rig)
+        return replace(self, rig=rig, estimate=own)
+
     @property
     def start(self) -> State | None:
         """Constants from which others may be counted; None of postures."""
@@ -100,7 +106,12 @@ class Recorded:
         assert self.estimate is not None
         step = np.zeros(len(part.places))
         step[part.places] = part.own
-        return retract(with_constants(self.estimate.state, reference), step)
+        return retract(self.with_constants(self.estimate.state, reference), step)
+
+    def with_constants(self, state: State, reference: State) -> State:
+        """The state with the constants of another one."""
+        shared = (*CONSTANTS, "zero") if self.rig.zeros_common else CONSTANTS
+        return replace(state, **{group: getattr(reference, group) for group in shared})
 
     def moved(
         self, at: Fit, part: Observation, reference: State, step: FloatArray, move: FloatArray
@@ -109,7 +120,7 @@ class Recorded:
 
         move : (C,), the same step of all that the campaigns have in common.
         """
-        state = with_constants(at.state, reference)
+        state = self.with_constants(at.state, reference)
         whole = np.pad(step, (0, len(at.active) - len(step)))
         whole[part.places] = part.own + part.give @ move
         return at_state(self.rig, at.postures, retract(state, whole), at.weight)
@@ -166,6 +177,16 @@ def added_to(rig: Rig, now: Information, before: Information, told: BoolArray) -
     return without(now.without(lost), before.without(lost))
 
 
-def with_constants(state: State, reference: State) -> State:
-    """The state with the constants of another one."""
-    return replace(state, **{group: getattr(reference, group) for group in CONSTANTS})
+def first_turns(
+    ordered: Sequence[Recorded], fits: Iterable[Fit | None], rotation: FloatArray
+) -> FloatArray:
+    """Rotations (n, 3, 3), each sensor's of the first calibration that gives it, or of a fit."""
+    found, told = rotation.copy(), np.zeros(len(rotation), dtype=np.bool_)
+    earlier = [item for item in ordered if isinstance(item, EarlierCalibration)]
+    known = [(item.determined, item.start) for item in earlier]
+    moved = [(~told, item.start) for item in ordered if item not in earlier]
+    fitted = [(~told, at.state) for at in fits if at is not None]
+    for sensors, state in (*known, *moved, *fitted):
+        if state is not None:
+            found[sensors & ~told], told = state.rotation[sensors & ~told], told | sensors
+    return found

@@ -7,7 +7,8 @@ of time. Whether they are of one state is the history's to say.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -15,20 +16,36 @@ from tdfscal.comparison.common import (
     Common,
     Walk,
     common,
+    kept,
     others_move,
     sources_together,
+    under_one_tare,
 )
-from tdfscal.comparison.members import EarlierCalibration, Recorded
+from tdfscal.comparison.members import EarlierCalibration, Recorded, first_turns
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import Observation, unstated
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import free_constants, joint_prior, loosened, turned
-from tdfscal.model.parameters import State, nominal, placed, retract, with_motions
+from tdfscal.model.calibrated import (
+    joint_prior,
+    loosened,
+    same_tare,
+    tare_std,
+    turned,
+)
+from tdfscal.model.parameters import (
+    State,
+    layout,
+    nominal,
+    parameter_count,
+    placed,
+    retract,
+    with_motions,
+)
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import Contrast, Information, contrast
-from tdfscal.records import ExactMoves, FloatArray, JointPrior, Rig
-from tdfscal.selfcal.estimator import Fit
+from tdfscal.records import ExactMoves, FloatArray, JointPrior
+from tdfscal.selfcal.estimator import Fit, at_state
 from tdfscal.selfcal.outliers import fit_robust
 
 #: Largest step of the common constants, in standard uncertainties, that needs no further round.
@@ -90,42 +107,54 @@ class Pool:
 
     references : per campaign, constants alike, and its own terminal.
     walk : what each says of the common parameters (C,), and what the rig files state, counted once.
+    moved : per campaign, variance (C,) by which zeros moved before it without a tare; in the walk.
     """
 
     common: Common
     references: list[State]
     walk: Walk
     members: tuple[Member, ...]
+    moved: list[FloatArray]
 
     @property
     def reference(self) -> State:
         """The last campaign's."""
         return self.references[-1]
 
-    def others(self, rig: Rig, index: int) -> JointPrior:
+    def others(self, index: int) -> JointPrior:
         """What all other campaigns know of the constants at the time of one."""
-        chosen = [m for k, m in enumerate(self.members) if k != index]
+        chosen, rig = [m for k, m in enumerate(self.members) if k != index], self.common.rigs[index]
         chi2, dof = sum(m.chi2 for m in chosen), sum(m.dof for m in chosen)
         known = self.common.of(index, self.walk.others()[index])
         at = self.common.places[index]
         moved = others_move(self.common, index, [m.exact for m in self.members], self.walk)
         here = [one.by(np.eye(self.common.size)[at]) for one in moved]
         prior = joint_prior(rig, self.references[index], known, chi2, dof, exact=here)
-        sources = sources_together([m.recorded.contributions for m in chosen])
+        tares = {first for k, first in enumerate(self.common.tare) if k != index}
+        sources = sources_together([m.recorded.contributions for m in chosen], len(tares) == 1)
         return replace(prior, sources=self._with_walk(sources, index))
 
     def _with_walk(self, sources: dict[str, FloatArray], index: int) -> dict[str, FloatArray]:
         """Shares of the sources beside that of the walk until one campaign."""
-        if not sources or not np.any(self.walk.steps):
+        R = self.reference.rotation
+        if not sources or not np.any(np.array(self.walk.steps)[:, : 3 * len(R)]):
             return sources
-        R, still = self.reference.rotation, [np.zeros_like(step) for step in self.walk.steps]
-        walks = (replace(self.walk, steps=still), self.walk)
+        walks = (replace(self.walk, steps=self.moved), self.walk)
         left, whole = (
             so3.rpy_variance(R, walk.others()[index].covariance[: 3 * len(R), : 3 * len(R)])
             for walk in walks
         )
         share = left / whole
         return {name: share * own for name, own in sources.items()} | {"walk": 1.0 - share}
+
+    def one_tare(self) -> Iterator[Finding]:
+        """Campaigns whose zeros are those of one tare, as far as they tell."""
+        for first in sorted(set(self.common.tare)):
+            names = [
+                m.name for m, at in zip(self.members, self.common.tare, strict=True) if at == first
+            ]
+            if len(names) > 1:
+                yield Finding("tare-common", tuple(names))
 
     def index(self, recorded: Recorded) -> int:
         """Place of a campaign in the order of time."""
@@ -135,15 +164,17 @@ class Pool:
         """What all campaigns together say of the constants at the time of one."""
         return self.walk.others()[index] + self.members[index].own
 
-    def own_state(self, rig: Rig, index: int) -> tuple[State, State]:
+    def own_state(self, index: int) -> tuple[State, State]:
         """What one campaign's own parameters are, and their standard uncertainties, ∞ unknown."""
         member, C = self.members[index], self.posterior(index).covariance
         part = member.reduced
         variance = np.diagonal(part.spread) + np.einsum("oc,cd,od->o", part.give, C, part.give)
         std = np.zeros(len(part.places))
         std[part.places] = np.where(part.open, np.inf, np.sqrt(variance))
-        std[free_constants(rig)] = np.sqrt(np.diagonal(C)[self.common.places[index]])
-        return member.state, placed(member.state, std)
+        std[: parameter_count(member.state.n)] += self.common.step(index, np.sqrt(np.diagonal(C)))
+        walked = self.common.step(index, self.posterior(index).mean)
+        walked = np.pad(walked, (0, len(std) - len(walked)))
+        return retract(member.state, walked), placed(member.state, std)
 
 
 def pool(campaigns: Sequence[Recorded]) -> Pool:
@@ -164,19 +195,27 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
     ordered = sorted(campaigns, key=lambda item: item.month)
     rig, months = ordered[-1].rig, [item.month for item in ordered]
     gaps = np.maximum(np.diff(months, prepend=months[0]), 0.0)
-    shared = common([item.rig for item in ordered])
-    steps = [turned(rig, rig.drift.angle * float(np.sqrt(gap)), shared.size) for gap in gaps]
+    turns = rig.drift.angle * np.sqrt(gaps)
+    shared = common([item.rig for item in ordered], range(len(ordered)))
     fits, rejected, references = _first_round(ordered, shared)
+    tares = _tares(ordered, fits, references, shared, [turned(rig, q, shared.size) for q in turns])
+    shared, moved = under_one_tare(shared.rigs, *tares)
+    steps = [turned(rig, q, shared.size) + by for q, by in zip(turns, moved, strict=True)]
+    told = [item.of_rig(own) for item, own in zip(ordered, shared.rigs, strict=True)]
+    fits = [
+        at and at_state(item.rig, at.postures, at.state, at.weight)
+        for item, at in zip(told, fits, strict=True)
+    ]
     settled = False
     for rounds in range(_ROUNDS + 1):
-        reduced = _reduced(ordered, fits, references, shared)
+        reduced = _reduced(told, fits, references, shared)
         walk = Walk([part.information for part in reduced], shared.stated(references), steps)
         if settled or rounds == _ROUNDS:
             break
         posterior = walk.others()[-1] + walk.own[-1]
         move = posterior.mean
         steps_of = [shared.step(k, move) for k in range(len(ordered))]
-        each = zip(ordered, fits, reduced, references, steps_of, strict=True)
+        each = zip(told, fits, reduced, references, steps_of, strict=True)
         fits = [
             None if at is None else item.moved(at, part, reference, step, move)
             for item, at, part, reference, step in each
@@ -185,9 +224,46 @@ def pool(campaigns: Sequence[Recorded]) -> Pool:
         settled = bool(np.all(np.abs(move) < _SETTLED * np.sqrt(np.diag(posterior.covariance))))
     members = [
         _member(shared, k, item, fits[k], reduced[k], references[k], rejected[k], known, walk.prior)
-        for k, (item, known) in enumerate(zip(ordered, walk.before(), strict=True))
+        for k, (item, known) in enumerate(zip(told, walk.before(), strict=True))
     ]
-    return Pool(shared, references, walk, tuple(members))
+    members = [replace(one, recorded=item) for one, item in zip(members, ordered, strict=True)]
+    return Pool(shared, references, walk, tuple(members), moved)
+
+
+def _tares(
+    ordered: Sequence[Recorded],
+    fits: Sequence[Fit | None],
+    references: Sequence[State],
+    shared: Common,
+    steps: Sequence[FloatArray],
+) -> tuple[list[int], FloatArray]:
+    """Per campaign, the first one whose tare it has, and by how much zeros moved before it.
+
+    shared, steps : of campaigns with zeros of their own, as have those of which no tare is stated
+    alike, surveys, and a calibration that stands on another one in the pool.
+    """
+    reduced = _reduced(ordered, fits, references, shared)
+    walk = Walk([part.information for part in reduced], shared.stated(references), steps)
+    everything, tare, shares = walk.others(), list(range(len(ordered))), np.ones(len(ordered))
+    zeros, heard = [], list[int]()
+    for k, (item, at, part) in enumerate(zip(ordered, fits, reduced, strict=True)):
+        based = isinstance(item, EarlierCalibration) and item.base
+        if not based and (item.estimate is None or item.estimate.joint):
+            heard.append(k)
+        state, place = item.start if at is None else at.state, layout(item.rig.n)["zero"]
+        assert state is not None
+        own = np.flatnonzero(part.places) - place.start
+        own = np.flatnonzero((own >= 0) & (own < 3 * item.rig.n))
+        value = state.zero.ravel()[part.places[place]] + part.own[own]
+        zeros.append((value, part.give[own], part.spread[np.ix_(own, own)]))
+    for j, k in pairwise(heard):
+        if same_tare(ordered[j].rig, ordered[k].rig):
+            known, ((z, G, S), (z_j, G_j, S_j)) = everything[k] + walk.own[k], (zeros[k], zeros[j])
+            covariance = S + S_j + (G - G_j) @ known.covariance @ (G - G_j).T
+            difference = z - z_j + (G - G_j) @ known.mean
+            shares[k] = kept(difference, covariance, tare_std(ordered[k].rig))
+            tare[k] = tare[j] if shares[k] < 1 else k
+    return tare, shares
 
 
 def _member(
@@ -245,26 +321,13 @@ def _first_round(
         if known is None:
             assert state is not None
             loads = (nominal(one.rig) for one in ordered)
-            references = [replace(state, mass=x.mass, barycentre=x.barycentre) for x in loads]
+            references = [
+                replace(state, zero=x.zero, mass=x.mass, barycentre=x.barycentre) for x in loads
+            ]
             known = shared.stated(references)
         known = known + shared.embedded(k, item.observed(fits[k], references[k]).information)
-    turns = _turns(ordered, [fits[k] for k in order], references[0].rotation)
+    turns = first_turns(ordered, [fits[k] for k in order], references[0].rotation)
     return fits, rejected, [replace(reference, rotation=turns) for reference in references]
-
-
-def _turns(
-    ordered: Sequence[Recorded], fits: Iterable[Fit | None], rotation: FloatArray
-) -> FloatArray:
-    """Rotations (n, 3, 3), each sensor's of the first calibration that gives it, or of a fit."""
-    found, told = rotation.copy(), np.zeros(len(rotation), dtype=np.bool_)
-    earlier = [item for item in ordered if isinstance(item, EarlierCalibration)]
-    known = [(item.determined, item.start) for item in earlier]
-    moved = [(~told, item.start) for item in ordered if item not in earlier]
-    fitted = [(~told, at.state) for at in fits if at is not None]
-    for sensors, state in (*known, *moved, *fitted):
-        if state is not None:
-            found[sensors & ~told], told = state.rotation[sensors & ~told], told | sensors
-    return found
 
 
 def _reduced(

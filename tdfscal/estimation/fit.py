@@ -19,7 +19,6 @@ import numpy as np
 from tdfscal.frozen import record
 from tdfscal.model.parameters import (
     State,
-    constants,
     deviation,
     nominal,
     prior_std,
@@ -258,7 +257,7 @@ class Priors:
         self, state: State, root: FloatArray, residual: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Own rows, and last the rows of earlier campaigns: W log(X X̂ᵀ), W (x − x̂)."""
-        away = np.where(constants(state.n, state.motions), deviation(state, self.known), 0.0)
+        away = deviation(state, self.known)
         root = np.pad(root, ((0, 0), (0, len(away) - root.shape[1])))
         rows = root.copy()
         for i in range(state.n):  # d log(exp(δ) exp(v)) = J⁻¹(v) δ

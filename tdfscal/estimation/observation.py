@@ -118,13 +118,13 @@ def of_estimate(known: Calibrated, prior: Information, reference: State) -> Obse
 
 def stated(priors: Priors, reference: State) -> Information:
     """What the rig file, or an earlier calibration, says of the constants, counted once."""
-    n = reference.n
-    common = constants(n)[priors.active]
+    free = free_constants(priors.rig)
+    common = free[priors.active]
     residual, rows = priors(reference)
     rows = rows[:, common]
     here = np.abs(rows).any(axis=1)
     matrix = rows[here].T @ rows[here]
-    matrix += np.diag(furthest(n)[priors.active & constants(n)] ** -2.0)
+    matrix += np.diag(furthest(reference.n)[free] ** -2.0)
     return Information(matrix, -(rows[here].T @ residual[here]))
 
 

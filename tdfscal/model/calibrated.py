@@ -166,15 +166,22 @@ def free_constants(rig: Rig) -> BoolArray:
     """
     if rig.earlier is not None:
         return rig.earlier.places
-    return np.asarray(constants(rig.n) & (prior_std(rig) > 0))
+    shared = constants(rig.n)
+    shared[layout(rig.n)["zero"]] = rig.zeros_common
+    return np.asarray(shared & (prior_std(rig) > 0))
+
+
+def among_constants(rig: Rig, *groups: str) -> BoolArray:
+    """Which of the free constants (C,) are of these groups of parameters."""
+    place, those = layout(rig.n), np.zeros(parameter_count(rig.n), dtype=np.bool_)
+    for group in groups:
+        those[place[group]] = True
+    return np.asarray(those[free_constants(rig)])
 
 
 def of_load(rig: Rig) -> BoolArray:
     """Which of the free constants (C,) are of the terminal."""
-    place, load = layout(rig.n), np.zeros(parameter_count(rig.n), dtype=np.bool_)
-    for group in LOAD:
-        load[place[group]] = True
-    return np.asarray(load[free_constants(rig)])
+    return among_constants(rig, *LOAD)
 
 
 def constants_known(rig: Rig, covariance: FloatArray) -> Information:
@@ -200,6 +207,18 @@ def same_load(a: Rig, b: Rig) -> bool:
         for first, second in ((a.mass, b.mass), (a.barycentre, b.barycentre))
         for of in ("value", "std")
     )
+
+
+def same_tare(a: Rig, b: Rig) -> bool:
+    """Whether two rig files state the same zeros, so that one tare may be meant."""
+    alike = (np.array_equal(getattr(a.zero, of), getattr(b.zero, of)) for of in ("value", "std"))
+    return all(alike) and np.array_equal(a.axes, b.axes) and bool(np.isfinite(tare_std(a)).all())
+
+
+def tare_std(rig: Rig) -> FloatArray:
+    """Standard uncertainty (z,), N, of the zeros that are free."""
+    std = prior_std(rig)[layout(rig.n)["zero"]]
+    return std[std > 0]
 
 
 def joint_prior(

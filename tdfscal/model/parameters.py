@@ -113,10 +113,12 @@ def constants(n: int, motions: int = 0) -> BoolArray:
 def furthest(n: int) -> FloatArray:
     """How far off (P,) at most each parameter is of which nothing is known, SI.
 
-    A rotation half a turn, by its spread over the circle; a load by more than any; others one unit.
+    A rotation half a turn, by its spread over the circle; zeros and a load by more than any; others
+    one unit.
     """
     place, out = layout(n), np.ones(parameter_count(n))
     out[place["rotation"]], out[place["mass"]], out[place["barycentre"]] = EVEN_TURN, 1e5, 1e2
+    out[place["zero"]] = 1e5
     return out
 
 

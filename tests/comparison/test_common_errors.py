@@ -21,7 +21,7 @@ SIZES = [12, 4, 1, 8]
 def months(rig: Rig, tilt: tuple[float, float] = (0.0, 0.0)) -> list[Recorded]:
     """Campaigns alike to the last draw but for the direction of gravity."""
     rng = np.random.default_rng(3)
-    return history(rig, rng, months=len(SIZES), postures_each=SIZES, zero=0.0, tilt=tilt)[0]
+    return history(rig, rng, months=len(SIZES), postures_each=SIZES, zero=0.5, tilt=tilt)[0]
 
 
 def pooled(campaigns: list[Recorded], index: int) -> Fit:
@@ -29,7 +29,7 @@ def pooled(campaigns: list[Recorded], index: int) -> Fit:
     together, rig = pool(campaigns), campaigns[index].rig
     own = together.members[index].fit
     assert own is not None
-    informed = replace(rig, earlier=together.others(rig, index))
+    informed = replace(rig, earlier=together.others(index))
     return fit(informed, own.postures, own.state, own.weight)
 
 
@@ -83,7 +83,7 @@ def test_a_turn_before_the_last_campaign_counts_as_exact() -> None:
     right = pooled(plain, index)
     nobody = np.full((3, 3), 1e-12)
     nobody[1, 1] = size
-    prior = with_unmoved(pool(plain).others(rig, index), nobody)
+    prior = with_unmoved(pool(plain).others(index), nobody)
     own = fit(replace(rig, earlier=prior), right.postures, right.state, right.weight)
     step = np.linalg.inv(so3.rpy_jacobian(right.state.rotation))[1, :, 1] * size
     rng = np.random.default_rng(3)
@@ -92,7 +92,7 @@ def test_a_turn_before_the_last_campaign_counts_as_exact() -> None:
         rng,
         months=index + 1,
         postures_each=SIZES,
-        zero=0.0,
+        zero=0.5,
         steps=[(index, 1, (step[0], step[1], step[2]))],
     )[0]
     missed = moved(pooled(turned, index), right)
