@@ -22,7 +22,13 @@ from tdfscal.findings import Finding
 from tdfscal.logs.log_file import signal_of
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
 from tdfscal.reporting.calibration import gain_std
-from tdfscal.reporting.traceability import digest_told, doubts, measured_on, report_digest
+from tdfscal.reporting.traceability import (
+    digest_told,
+    doubts,
+    exact_names,
+    measured_on,
+    report_digest,
+)
 from tdfscal.wrench.contact_wrench import unknown_components
 
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")
@@ -191,6 +197,7 @@ def origin(c: Calibration) -> list[str]:
         f"{c.created}, {c.status}, content {digest_told(c)}",
         c.convention,
         "rotation takes a sensor's frame to the BCS; roll, pitch, yaw in rad, zero in N",
+        f"taken as exact: {exact_names(c)}",
         *cautions(c),
     ]
     if c.status == "rejected":
@@ -247,7 +254,8 @@ def gain(c: Calibration, i: int) -> str:
     if support.sensitivity is None:
         return ""
     rows = ", ".join(f"[{', '.join(f'{x:.6f}' for x in row)}]" for row in c.sensitivity[i])
-    return f"{support.name}: sensitivity [{rows}] ± {two_digits(gain_std(c)[i].max())} (k = 1)"
+    most = two_digits(gain_std(c)[i].max())
+    return f"{support.name}: sensitivity [{rows}] ± {most} at most (k = 1)"
 
 
 def number(value: float | None) -> str:

@@ -161,7 +161,7 @@ zeros-moved notes
   the readings fit zeros that have moved since the calibration, as by a tare, most clearly that of
   {subject} along {axis}, by {size} ± {spread} (95 %); a sensor's turn that is too small to be sure
   of would fit as well
-  -> if they were tared, bring the new ones in by `tdfscal update`
+  -> if they were tared, bring the new ones in by `tdfscal update`; if not, look at that mounting
 zeros-beside-change notes
   together with that change the zeros come out other than the calibration's, most clearly that of
   {subject} along {axis}, by {size} ± {spread} (95 %)

@@ -45,9 +45,10 @@ mountings-alike refuses
   two mountings explain the log{alike: about equally well|} (χ² apart by {number:.2g}; chance puts
   the wrong one first with {p}): {mountings}
   ? few ; {few:.0f} postures are too few
-  -> {least:record ~ postures or more, tilted and squeezed, or |}state which it is by nominal_rpy
-    and rpy_std in rig.yaml (0.2 rad will do){few:|, or squeeze harder, tilt more and record more
-    postures, as `tdfscal plan RIG -o plan.csv` chooses them}
+  ? same ; {same} stand alike in both
+  -> look which it is, write it as `nominal_rpy`, with `rpy_std: 0.2`, in rig.yaml, and calibrate
+    again; or record {least:~ or |}more postures, tilted and squeezed, as `tdfscal plan RIG -o
+    plan.csv` chooses them: they decide
 axes-blind refuses
   the sensors together do not measure forces in all directions, so that the balance of forces and
   moments says nothing of their angles

@@ -249,9 +249,8 @@ def _destinations(
             places.append((str(asked[file.name]), file.holds))
             continue
         if not (file.dash and file.holds) or (json and file.holds == "html"):
-            what = "the JSON object" if json else "the result in words"
-            where = f"{file.names[0]} -"
-            raise UsageError(f"standard output has {what}", where=where, hint="name a file")
+            what, where = "standard output is taken by another result", f"{file.names[0]} -"
+            raise UsageError(what, where=where, hint="name a file")
         del asked[file.name]
         carried = file.holds
     return carried, places

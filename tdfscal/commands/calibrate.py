@@ -25,6 +25,7 @@ from tdfscal.commands.campaign import (
 from tdfscal.commands.log_pass import LogPass, Settings, delay_of, where_few, with_delay
 from tdfscal.commands.options import Option, silent, window
 from tdfscal.commands.result import Calibration
+from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, TdfscalError, UsageError
 from tdfscal.estimation.observability import ENOUGH
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
@@ -161,6 +162,12 @@ def drafted(rigs: Iterable[LoadedRig]) -> list[Finding]:
     return [Finding("draft-unconfirmed", lines, len(lines))] if lines else []
 
 
+_AT_REST = (
+    "--method joint, --estimator linear and --samples static take dwells alone: leave the option "
+    "out to calibrate from the motion, and compare that with --method tracker"
+)
+
+
 def calibrate_samples(
     log: LogPass, samples: Samples | None, estimator: Estimator, rng: np.random.Generator
 ) -> Own:
@@ -176,6 +183,9 @@ def calibrate_samples(
     if samples == "moving":
         return _moving(log, log.moving(), rng=rng)
     dwells, slow = log.samples(samples)
+    if samples == "static" and not len(dwells):
+        error = no_dwell(dwells)
+        raise error.restated(hint=f"{error.hint}; {_AT_REST}")
     found = calibrate_few(log, dwells, slow, log.rig, rng, NotIdentifiableError)
     if found is not None:
         return found

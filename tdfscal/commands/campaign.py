@@ -46,6 +46,7 @@ _OWN = re.compile(
 )
 #: The format of a whole document, not of what it embeds.
 _FORMAT = re.compile(rb"(?:\A\{\s*|^ ?)format:\s*tdfscal-(rig|calibration)/", re.MULTILINE)
+_DOCUMENTS = (".yaml", ".yml", ".json")
 _HEAD, _TAIL = 1 << 14, 1 << 16
 _DAY = 86400.0
 #: What stands at the end of a Parquet file of contact wrenches.
@@ -89,7 +90,7 @@ def listed(paths: PathLikes) -> list[Path]:
 
     Raises UsageError where there is none, one is named twice, or leads nowhere.
     """
-    each = [paths] if isinstance(paths, str | os.PathLike) else paths
+    each = [paths] if isinstance(paths, str | bytes | os.PathLike) else paths
     expect("paths", each, Sequence, "a path, or a list of them")
     found = list(map(as_path, each))
     if not found:
@@ -202,8 +203,7 @@ def find_logs(
 
 def _require_log(path: Path) -> None:
     """Raise UsageError for what is no log by its name."""
-    if not is_log(path):
-        kind = kind_of(path)
+    if (kind := kind_of(path)) != LOG:
         what = f"is {kind}, not a log" if kind else "is not a log"
         raise UsageError(what, where=str(path), hint=_WANTED.get(kind, _KINDS))
 
@@ -284,6 +284,9 @@ def _campaigns_in(path: Path) -> list[Path]:
 def rig_file(path: PathLike) -> LoadedRig:
     """Load a rig file, or the rig.yaml of a campaign folder. Raises UsageError, RigError."""
     file = as_path(path)
+    kind = kind_of(file) if file.is_file() else ""
+    if kind in (LOG, RESULT) and file.suffix.lower() not in _DOCUMENTS:
+        raise UsageError(f"is {kind}, not a rig file", where=str(file), hint="name a rig.yaml")
     loaded = load_rig(file / RIG_NAME if file.is_dir() else file)
     protect((loaded.path, *loaded.surveys))
     return loaded

@@ -84,7 +84,11 @@ def init(
     info = describe_logs(logs)
     first = info.contents[0]
     if not info.recorders:
-        raise _no_draft(info, "write the `log:` block by hand: `tdfscal info` lists the fields")
+        raise _no_draft(
+            info,
+            "where two recorders wrote positions and forces apart, name the files of both; else "
+            "write the `log:` block by hand: `tdfscal info` lists the fields",
+        )
     position, force = _postures(info)
     sketch = sketch_rig(position, force, _GRAVITY)
     text = draft(

@@ -31,8 +31,9 @@ from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import overdue, unsealed
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding
-from tdfscal.frozen import record
+from tdfscal.frozen import record, replace
 from tdfscal.logs import is_log
+from tdfscal.records import Rig
 from tdfscal.reporting.history import History, Source, day, finding
 from tdfscal.reporting.layout import LISTED, Drawing
 from tdfscal.reporting.traceability import Making, calibration_fact, day_measured, report_digest
@@ -78,7 +79,7 @@ def monitor(
     A campaign that `calibrate` rejects by itself takes no part and is named; status 1 where it is
     the latest, of which nothing is then known, and where one cannot be read or used as this rig's.
     """
-    calibrations, folders = _sorted_out(sources_of(*files))
+    calibrations, folders, others = _sorted_out(sources_of(*files))
     known = on_one_another([read_earlier(source) for source in calibrations])
     papers = [
         found
@@ -87,9 +88,8 @@ def monitor(
     ]
     groups = [[folder] for folder in folders]
     if len(known) + len(groups) < 2:
-        raise UsageError(
-            "one check is no history", hint="name two or more calibrations or campaign folders"
-        )
+        what = "; ".join(("one check is no history", *others))
+        raise UsageError(what, hint="name two or more calibrations or campaign folders")
     settings = Settings(progress)
     # Of an update its own; those before are its base's.
     before = [
@@ -106,8 +106,7 @@ def monitor(
         raise RejectedError("; ".join(map(told, lost)))
     progress(f"going through {len(checks)} checks")
     ordered: list[Earlier | Judged] = sorted([*reads, *known], key=lambda check: check.month)
-    rig = max(checks, key=lambda check: check.month).rig
-    pooled = pool(checks)
+    rig, pooled = _rig_of(checks), pool(checks)
     life, noisy = life_of(rig, pooled)
     making = Making(command, tuple(file for one in reads for file in one.read.log.inputs))
     found = [
@@ -120,6 +119,15 @@ def monitor(
     ]
     found += (finding(life, alarm) for alarm in life.alarms)
     return MonitorResult(rig, life, tuple(found), tuple(map(_source, ordered)), making)
+
+
+def _rig_of(checks: Sequence[Earlier | Judged]) -> Rig:
+    """The latest check's, which is not called as a check is: a draft bears its campaign's name."""
+    rig = max(checks, key=lambda check: check.month).rig
+    drafted = [Path(check.name).stem for check in checks]
+    if len({check.rig.name for check in checks}) > 1 or rig.name in drafted:
+        return replace(rig, name=f"Rig of {', '.join(rig.supports)}")
+    return rig
 
 
 def _taking_part(
@@ -150,22 +158,27 @@ def _source(check: Earlier | Judged) -> Source:
     return fact, {"measured": when.model_dump(), key: digest}
 
 
-def _sorted_out(sources: Sequence[CalibrationSource]) -> tuple[list[CalibrationSource], list[Path]]:
-    """Tell calibrations from campaign folders; what else is ours is left alone.
+def _sorted_out(
+    sources: Sequence[CalibrationSource],
+) -> tuple[list[CalibrationSource], list[Path], list[str]]:
+    """Tell calibrations from campaign folders, and say what else is ours, which is left alone.
 
     A pattern such as FOLDER/* names pages, tables and the truth of a simulation too.
     """
     calibrations: list[CalibrationSource] = []
-    folders: list[Path] = []
+    folders, others = list[Path](), list[str]()
     for source in sources:
         if isinstance(source, CalibrationFile) or not (path := Path(source)).is_dir():
-            if isinstance(source, CalibrationFile) or kind_of(path) not in (RESULT, RIG):
+            kind = "" if isinstance(source, CalibrationFile) else kind_of(path)
+            if kind in (RESULT, RIG):
+                others.append(f"{source} is {kind}")
+            else:
                 calibrations.append(source)
             continue
         if is_log(path):
             raise UsageError("is a recording", where=str(path), hint="name its campaign folder")
         folders += [group[0] for group in campaign_folders([path])]
-    return calibrations, folders
+    return calibrations, folders, others
 
 
 def _findings(life: Life, checks: Sequence[Earlier | Judged]) -> Iterator[Finding]:

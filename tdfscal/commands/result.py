@@ -101,13 +101,14 @@ class Result:
         """Return the figures of this result, each named."""
         return ()
 
-    def plot(self, name: str | None = None) -> Figure:
+    def plot(self, name: str | Drawing | None = None) -> Figure:
         """Draw one of the result's figures; the first, unless named; its table, where it has none.
 
         Raises UsageError where there is no such figure.
         """
         from tdfscal.reporting.figures.style import of_table, to_figure
 
+        name = getattr(name, "name", name)  # of a drawing
         drawings = {drawing.name: drawing for drawing in self.drawings()}
         if name is not None and name not in drawings:
             hint = f"choose from {', '.join(drawings)}" if drawings else "name none: the table"

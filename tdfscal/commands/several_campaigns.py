@@ -212,7 +212,7 @@ def calibrate_several(
     if not reads:
         raise next(iter(unusable.values()))
     _check([one.read for one in reads], earlier)
-    settings.progress(f"pooling {len(reads)} campaigns")
+    settings.progress("pooling what each says")
     last = [one for one in reads if one.read.dwells is not None][-1]
     rejected = [one for one in reads if one.rejected]
     sound = [one for one in reads if not one.rejected or (earlier and one is last)]

@@ -60,9 +60,8 @@ class ValidateResult(CommandResult):
         return 0 if self.holds and self.calibration.accepted else 1
 
     def to_report(self, drawings: tuple[Drawing, ...] = ()) -> Report:
-        """Lay out verdict, causes, residual wrenches; on a page also what they come from."""
-        origin = self.origin if drawings else None
-        return validation_report(self.validation, self.remarks, origin, drawings)
+        """Lay out verdict, causes, residual wrenches, what they come from."""
+        return validation_report(self.validation, self.remarks, self.origin, drawings)
 
     def document(self) -> dict[str, Any]:
         """Return the verdict and all residual wrenches as plain JSON values."""

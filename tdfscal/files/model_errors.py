@@ -107,6 +107,12 @@ _PHRASES = {
     "float_type": "must be a number",
     "string_type": "must be text",
     "model_type": "must be a mapping of keys and values",
+    "dict_type": "must be a mapping of keys and values",
+    "string_too_long": "is too long",
+    "tuple_type": "must be a list",
+    "list_type": "must be a list",
+    "int_type": "must be a whole number",
+    "bool_type": "must be true or false",
 }
 _HINTS = {
     "finite_number": f"write a number; only standard uncertainties may be `{UNKNOWN}` or .inf",
@@ -115,8 +121,10 @@ _HINTS = {
     "greater_than_equal": "check sign and unit",
     "literal_error": "use a value that is named here",
     "model_type": "write a mapping of keys and values",
+    "dict_type": "write a mapping of keys and values",
     "string_type": "write text; put a number that is a name in quotes",
     "string_pattern_mismatch": "use letters, digits, `_` and `-`",
     "list_type": "write a list",
+    "tuple_type": "write a list",
     "too_short": "add what is missing",
 }

@@ -96,6 +96,8 @@ def parse_document(
     except UnicodeDecodeError as fault:
         line = raw[: fault.start].count(b"\n") + 1
         what = f"byte 0x{raw[fault.start]:02x} is not UTF-8 text"
+        if raw.startswith((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff")):
+            what, line = "the text is UTF-16 or UTF-32", 1
         builder.fail(what, "save the file as UTF-8", line)
     content = builder.from_json(text) if form == "json" else builder.from_yaml(text)
     return Document(content, builder.lines, source, text, hashlib.sha256(raw).hexdigest())

@@ -244,10 +244,10 @@ def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
 def _with_cure(error: DataError, request: Request, *, alone: bool) -> DataError:
     """The error with what to do where fields are none of the log's; alone : its only file."""
     cures = [error.hint] if error.hint else []
-    if error.fields and not alone:
+    if error.fields:
         cures.append(
-            "where they stand in another of the files, `log` is a list, a block for each recorder, "
-            "as `tdfscal init` writes it of all files together"
+            "where two recorders wrote them apart, `log` is a list, a block for each recorder, as "
+            "`tdfscal init` writes it of both recorders' files together"
         )
     for signal in request.signals:
         whole = len(signal.fields) == 1 and signal.fields[0] in error.fields

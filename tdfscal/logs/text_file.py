@@ -127,12 +127,12 @@ def lines_of(text: str) -> list[str]:
 def decoded(head: bytes) -> str:
     """The first lines; in the rows only ASCII matters.
 
-    Raises DataError where the text is UTF-16 or none at all.
+    Raises DataError where the text is UTF-16, UTF-32 or none at all.
     """
     opening = head[:_OPENING]
     # ASCII as UTF-16 has a NUL in every second byte.
     if head.startswith((b"\xff\xfe", b"\xfe\xff")) or opening.count(0) > 0.4 * len(opening) > 0:
-        raise DataError("the text is UTF-16", hint="export it as UTF-8")
+        raise DataError("the text is UTF-16 or UTF-32", hint="export it as UTF-8")
     if len(opening) - len(opening.translate(None, _CONTROL)) > len(opening) // 20:
         hint = "export the recording as CSV, or name the file by what it is"
         raise DataError("the file is not text", hint=hint)

@@ -227,7 +227,7 @@ def first_fit(
     gap = replace(close, noise=scale).cost - replace(far, noise=scale).cost
     if gap > float(normal_quantile(1 - AMBIGUOUS_MOUNTING)) ** 2:
         return far, ()
-    other = describe(rig, close.state.still, far.state.still)
+    other, _ = describe(rig, close.state.still, far.state.still)
     return close, (Finding("mounting-ambiguous", values={"other": other}),)
 
 

@@ -13,7 +13,6 @@ from tdfscal.catalogue import CATALOGUE, cure
 from tdfscal.catalogue.campaign import SUSPECTS
 from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import rounded, two_digits
-from tdfscal.estimation.exact_quantities import UNMOVED
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.findings import Finding
@@ -26,12 +25,20 @@ from tdfscal.reporting.headline import (
     uncounted,
     within,
 )
-from tdfscal.reporting.traceability import certificates, expired, not_whole
+from tdfscal.reporting.traceability import (
+    STATED_BY,
+    certificates,
+    expired,
+    not_whole,
+    without_effect,
+)
 from tdfscal.selfcal.estimator import HARDER
 from tdfscal.significance import MOST_REJECTED
 
 #: Cures named at most; one fault makes others appear, so that the first few count.
 _TRIED = 3
+#: Keys of the rig file that are named in a sentence at most.
+_KEYS = 5
 #: Noise that is more than stated: what touched is looked for first.
 _NOISE = ("force-noise-suspected", "sensor-noise-suspected")
 #: Times as many postures as there are: more are no advice.
@@ -51,20 +58,6 @@ _CHANGES = {
 }
 #: Said of a squeeze where a sensor's capacity is not stated; that of hinges never is.
 _BEARABLE = " (if sensors and hinges bear it)"
-#: What may be taken as exact, and the key of the rig file that states how well it is known.
-_STATED_BY = {
-    "hinge drawing": "uncertainty.hinge",
-    "servo datums": "uncertainty.datum",
-    "gain, crosstalk": "uncertainty.force_sensitivity",
-    "base level": "gravity.tilt_std",
-    "mass": "terminal.mass.std",
-    "barycentre": "terminal.barycenter.std",
-    "zeros": "zero.std",
-    "delay": "log.delay.std",
-    "body against axes": "tracker.misalignment",
-    "target drawing": "tracker.drawing",
-    UNMOVED: "drift.angle",
-}
 #: What would lower a source in motion, where it is something else.
 _IN_MOTION = {
     "noise": "a longer motion, a larger tilt, or a harder squeeze (`tdfscal plan RIG --motion` "
@@ -95,9 +88,12 @@ def advise(c: Calibration) -> tuple[str, ...]:
 
 
 def _to_measure(c: Calibration) -> Iterator[str]:
-    """What was taken as exact, all that the headline names."""
-    if named := uncounted(c):
-        keys = ", ".join(f"`{_STATED_BY.get(q.name, q.name)}`" for q in named)
+    """The keys of all that the headline counts as exact; of many only that there are."""
+    names = [*(q.name for q in uncounted(c)), *without_effect(c)]
+    keys = ", ".join(f"`{STATED_BY.get(name, name)}`" for name in names)
+    if len(names) > _KEYS:
+        keys = f"{len(names)} keys, which `tdfscal report` lists"
+    if names:
         yield f"State in rig.yaml how well these are known: {keys}."
 
 

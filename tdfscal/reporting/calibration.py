@@ -17,15 +17,22 @@ from tdfscal.catalogue.numbers import (
     measured,
     places,
     to_place,
+    two_digits,
     with_std,
 )
 from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence import ClockResult, MotionResult, ResidualWrench, has_delay
+from tdfscal.files.calibration.evidence import (
+    ClockResult,
+    MotionResult,
+    ResidualWrench,
+    Scalar,
+    has_delay,
+)
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.rig.model import RigFile
 from tdfscal.model import parameters
 from tdfscal.numerics import so3
-from tdfscal.numerics.distributions import student_dof
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, student_dof
 from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES, BoolArray, FloatArray
 from tdfscal.reporting import layout
@@ -33,7 +40,7 @@ from tdfscal.reporting.advice import advise
 from tdfscal.reporting.figures import clock
 from tdfscal.reporting.headline import (
     draft_lines,
-    exact_table,
+    exact_blocks,
     headline,
     largest_source,
     within,
@@ -43,6 +50,7 @@ from tdfscal.reporting.traceability import (
     campaign,
     campaign_facts,
     measured_on,
+    parts,
     provenance,
     report_digest,
     titled,
@@ -79,9 +87,9 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         title=titled(c),
         subtitle=f"{layout.METHODS[c.method]}{linear} of {len(c.supports)} sensors from {names}"
         + measured_on(c),
-        verdict=c.status.upper(),
+        verdict="; ".join((c.status.upper(), *_turned(c))),
         accepted=c.accepted,
-        provisional=c.status == "provisional" or c.unsealed,
+        provisional=c.status == "provisional" or c.unsealed or bool(_turned(c)),
         claim=headline(c) if c.accepted else "",
         reasons=tuple(_reasons(c)),
         tiles=tuple(_tiles(c)),
@@ -90,7 +98,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
             *layout.illustrated(drawings, blocks),
             Section("Zeros and load after the adjustment", _adjusted(c)),
             Section("Statistics", (Facts(tuple(_statistics(c))), *layout.listed("Notes", notes))),
-            Section("What is taken as exact", exact_table(c)),
+            Section("What is taken as exact", exact_blocks(c)),
             Section("Rotations and gains", _matrices(c), page_only=True),
             Section("Lines to confirm", layout.listed("", draft_lines(c))),
             Section(
@@ -104,6 +112,12 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         created=layout.utc(c.created),
         number=(report_digest(c) or "unsealed")[:8],
     )
+
+
+def _turned(c: Calibration) -> list[str]:
+    """Sensors that stand far from where the rig file has them: said with the verdict."""
+    found = c.found("sensor-turned") if c.accepted else ()
+    return [f"{f.subject[0]} TURNED BY {np.degrees(f.size or 0.0):.0f}°" for f in found]
 
 
 def _reasons(c: Calibration) -> Iterator[str]:
@@ -164,7 +178,7 @@ def _residual(c: Calibration) -> dict[str, ResidualWrench]:
 
 
 def _residual_wrench(c: Calibration) -> tuple[Table, ...]:
-    last = " of the last campaign" * (len(c.campaigns) > 1)
+    last = f" of the last of the {parts(c)}" * (len(c.campaigns) > 1)
     where = f"leave-one-out postures{last}, about the LCS origin"
     if c.motion is not None:
         where = "stretches of the motion held out in turn, about the barycentre"
@@ -320,11 +334,19 @@ def _motion(m: MotionResult, clocks: Sequence[ClockResult]) -> Iterator[tuple[st
     lost = f"; {len(m.rejected)} stretches left out, {covered(m.rejected):.1f} s"
     yield "Motion", f"{m.seconds:.1f} s used{lost * bool(m.rejected)}"
     beyond = ", beyond the recorders' clocks" if clocks else ""
-    delay = f"{with_std(1e3 * m.delay.value, 1e3 * m.delay.std)} ms, force after position{beyond}"
+    delay = f"{_within(m.delay, 1e3)} ms (95 %), force after position{beyond}"
     yield "Delay", "stands in the other recorder's clock" if has_delay(clocks) else delay
     if m.rate is not None:
-        ppm = f"{with_std(1e6 * m.rate.value, 1e6 * m.rate.std)} ppm"
+        ppm = f"{_within(m.rate, 1e6)} ppm (95 %)"
         yield "Clocks", f"run apart by {ppm}: the delay is that in the middle of the log"
-    yield "Friction", f"{with_std(m.friction.value, m.friction.std)} N·m at each hinge"
-    moments = ", ".join(with_std(m.inertia.value[k][k], m.inertia.std[k][k]) for k in range(3))
-    yield "Inertia", f"xx, yy, zz = {moments} kg m² about the LCS origin"
+    k, friction = INTERVAL_FACTOR, f"{_within(m.friction)} N·m (95 %)"
+    if m.friction.value < 0:  # by chance: none drives a hinge
+        friction = f"below {two_digits(k * m.friction.std)} N·m (k = {k:.2f})"
+    yield "Friction", f"{friction} at each hinge"
+    moments = (with_std(m.inertia.value[j][j], k * m.inertia.std[j][j]) for j in range(3))
+    yield "Inertia", f"xx, yy, zz = {', '.join(moments)} kg m² (95 %) about the LCS origin"
+
+
+def _within(known: Scalar, factor: float = 1.0) -> str:
+    """A quantity with half its 95 % interval, times a factor of its unit."""
+    return with_std(factor * known.value, factor * INTERVAL_FACTOR * known.std)

@@ -21,8 +21,10 @@ from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.numerics.streams import covered
 from tdfscal.records import FloatArray
-from tdfscal.reporting.layout import Table
+from tdfscal.reporting.layout import Block, Facts, Table
 from tdfscal.reporting.traceability import (
+    STATED_BY,
+    exact_name,
     not_whole,
     without_effect,
 )
@@ -65,10 +67,6 @@ SOURCES = {
         "what the motion adds",
         "a slower motion, or an inertia, a friction and a delay that are stated,",
     ),
-}
-_EXACT = {
-    "gain, crosstalk": "gain and crosstalk",
-    "body against axes": "how a sensor's body lies to its axes",
 }
 _Part = TypeVar("_Part", RejectedPosture, LeftOutStretch)
 _CAPTION = "What a typical error of each quantity taken as exact would do to roll/pitch/yaw, mrad"
@@ -149,10 +147,10 @@ def _not_counted(c: Calibration) -> str:
     for q in each:
         off = ":" if said else " off moves an angle by"
         move = measured(1e3 * np.max(q.effect))
-        said.append(f"{_EXACT.get(q.name, q.name)} ({_typical_error(q)}{off} {move} mrad)")
-    first = f"Taken as exact, not counted: {', '.join(said)}"
-    if others := without_effect(c):
-        first += f", {len(others)} more of unknown effect"
+        said.append(f"{exact_name(c, q.name)} ({_typical_error(q)}{off} {move} mrad)")
+    more = [f"{len(uncounted(c)) - len(each)} more"] * (len(uncounted(c)) > len(each))
+    more += [f"{len(others)} more of unknown effect" for others in [without_effect(c)] if others]
+    first = f"Taken as exact, not counted: {', '.join(said + more)}"
     return f"{first}." if counted == within(c) else f"{first}; if so, reckon with {counted}."
 
 
@@ -190,17 +188,26 @@ def uncounted(c: Calibration) -> list[ExactQuantityResult]:
     return [q for q in _by_effect(c) if np.max(q.effect) > _NOTABLE * c.half_widths.max()]
 
 
-def exact_table(c: Calibration) -> tuple[Table, ...]:
-    """One row per quantity: effect on roll, pitch, yaw of each sensor, mrad."""
+def exact_blocks(c: Calibration) -> tuple[Block, ...]:
+    """Effect of each quantity on roll, pitch, yaw of each sensor, mrad; which keys would state it.
+
+    Those of unknown effect stand among the keys alone.
+    """
     names = [mounting.name for mounting in c.mounted]
     rows = tuple(
         (
-            f"{quantity.name}, {_typical_error(quantity)}",
+            f"{exact_name(c, quantity.name)}, {_typical_error(quantity)}",
             *("/".join(f"{1e3 * v:.2f}" for v in row) for row in quantity.effect),
         )
         for quantity in _by_effect(c)
     )
-    return (Table(_CAPTION, ("", *names), rows),) if rows else ()
+    unknown = ((name, ", of unknown effect") for name in without_effect(c))
+    keys = tuple(
+        (STATED_BY.get(name, ""), f"{exact_name(c, name)}{effect}")
+        for name, effect in (*((q.name, "") for q in _by_effect(c)), *unknown)
+    )
+    effects = (Table(_CAPTION, ("", *names), rows),) if rows else ()
+    return (*effects, Facts(keys)) if keys else ()
 
 
 def _typical_error(of: ExactQuantityResult) -> str:

@@ -26,6 +26,7 @@ from tdfscal.errors import visible, without_exponent
 from tdfscal.files.saving import plain as as_json
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import ANGLES, RecorderClock
 from tdfscal.reporting.figures import Drawing as Drawing
 
@@ -203,9 +204,12 @@ def mrad(values: Any, form: str = ".3f") -> Cell:
 
 
 def residual_table(
-    found: Mapping[str, ResidualWrench], where: str, expected: Mapping[str, float] | None = None
+    found: Mapping[str, ResidualWrench],
+    where: str,
+    expected: Mapping[str, float] | None = None,
+    called: str = "rms expected",
 ) -> Table:
-    """What is left of force and moment; expected : rms by the uncertainties, by the same names."""
+    """What is left of force and moment; expected : the rms that it may be, by the same names."""
     rows = []
     for name, w in found.items():
         sizes = [w.rms_before, w.rms_after, w.max_before, w.max_after]
@@ -214,7 +218,7 @@ def residual_table(
             f"{measured(x, 3)} {WRENCH[name]}" if math.isfinite(x) else "unknown" for x in sizes
         )
         rows.append((name, *told))
-    header = ("", "rms before", "rms after", "largest before", "largest after", "rms expected")
+    header = ("", "rms before", "rms after", "largest before", "largest after", called)
     cut = header if expected else header[:-1]
     return Table(f"Residual contact wrench, {where}", cut, tuple(rows))
 
@@ -254,12 +258,12 @@ def chi_squared(chi2: float, dof: int, p: float | None) -> str:
 def told_clock(clock: ClockResult | RecorderClock, recorders: Iterable[LogBlock]) -> str:
     """Write how far a recorder's clock is from the first one's; recorders : what is stated."""
     stated = [r.clock.rate_std for r in recorders if r.files == clock.recorder]
-    rate = f"{with_std(1e6 * abs(clock.rate), 1e6 * clock.rate_std)} ppm"
+    rate = f"{with_std(1e6 * abs(clock.rate), 1e6 * INTERVAL_FACTOR * clock.rate_std)} ppm"
     if clock.rate_std > _AS_STATED * max(stated, default=math.inf):
         rate += ", no better known than stated"
-    offset = with_std(clock.offset, clock.offset_std, "+")
+    offset = with_std(clock.offset, INTERVAL_FACTOR * clock.offset_std, "+")
     way = "slower" if clock.rate < 0 else "faster"
-    return f"its clock is {offset} s from the first one's, and {way} by {rate}"
+    return f"its clock is {offset} s from the first one's, and {way} by {rate} (95 %)"
 
 
 def short(names: Sequence[str]) -> tuple[str, ...]:

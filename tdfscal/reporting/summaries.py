@@ -42,6 +42,8 @@ _LOWERS = {
     "filtered": "Filter lower (--filter HZ).",
     "low": "Quieten the sensors (cables, amplifiers): a still lower filter would be late.",
 }
+#: m; what arithmetic alone leaves is less.
+_LEAST = 1e-9
 #: Hz; a filter as low as this delays a machine's stop by a tenth of a second.
 _LOW = 3.0
 
@@ -137,24 +139,27 @@ def capability_report(
     blocks: tuple[Block, ...] = (_by_component(columns), *_noise(found, request))
     unstated = any(f.code == "path-inertia-unknown" for f in findings)
     most = (_most(found, request, c, unstated) for c in found.worst)
-    # No filter or weighing cures a path that was not free, or that shows no noise.
-    spoilt = noiseless or any(f.code != "contact-unseen" for f in bad)
-    apart = " (noise not counted)" if noiseless else ""
+    # What is too coarse for the rig file's limit is a threshold all the same.
+    spoilt = any(f.code != "contact-unseen" for f in bad)
+    claim = (
+        f"A machine that stops at these thresholds stops falsely at most {request.false_stops:g} "
+        "times an hour and axis. It then sees the smallest contact below with "
+        f"{rounded(100 * request.detect, 4)} % probability; the shares say what that comes from."
+    )
+    if noiseless:
+        claim = "Of the smallest contact this is what calibration, zeros and load alone make."
     return Report(
         "contact that is seen",
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
-        verdict="NO THRESHOLDS FOR A MACHINE" if bad or noiseless else "",
+        verdict="NO THRESHOLDS FOR A MACHINE" if spoilt or noiseless else "UNSEEN" * bool(bad),
         accepted=not (bad or noiseless),
-        claim=f"A machine that stops at these thresholds stops falsely at most "
-        f"{request.false_stops:g} times an hour and axis{apart}. It then sees the smallest contact "
-        f"below with {rounded(100 * request.detect, 4)} % probability; the shares say what that "
-        "comes from.",
+        claim="" if spoilt else claim,
         reasons=tuple(map(told, (*bad, *noiseless))),
         warnings=tuple(told(f) for f in findings if not f.rejects),
-        sections=(Section("", blocks),),
+        sections=() if spoilt else (Section("", blocks),),
         advice=(
             *certificates(findings),
-            *dict.fromkeys(_LOWERS[source] for source in most if not spoilt),
+            *dict.fromkeys(_LOWERS[source] for source in most if not (spoilt or noiseless)),
         ),
     )
 
@@ -322,7 +327,7 @@ def registration_report(r: PointRegistration, of_files: Sequence[Finding]) -> Re
         Facts((fit, ("Scale", scale))),
     )  # fmt: skip
     return Report(
-        title=f"{len(r.names)} points fit within {rounded(1e3 * r.rms, 3)} mm (rms)",
+        title=f"{len(r.names)} points fit within {quantity(max(r.rms, _LEAST), 'm')} (rms)",
         reasons=tuple(map(told, r.findings)),
         sections=(Section("Transform", blocks),),
         warnings=tuple(map(told, of_files)),

@@ -118,10 +118,45 @@ def provenance(c: Calibration) -> Section:
 
 def exact_names(c: Calibration) -> str:
     """What has no uncertainty in the rig file, and so none in the result."""
-    names = [*(q.name for q in c.taken_as_exact), *without_effect(c)]
+    names = [exact_name(c, q.name) for q in c.taken_as_exact] + without_effect(c)
     if c.method != "tracker":
         names.append("magnitude of gravity, which scales the mass and hardly turns an angle")
     return "; ".join(names) or "nothing"
+
+
+#: What may be taken as exact, and the key of the rig file that states how well it is known.
+STATED_BY = {
+    "hinge drawing": "uncertainty.hinge",
+    "servo datums": "uncertainty.datum",
+    "gain, crosstalk": "uncertainty.force_sensitivity",
+    "base level": "gravity.tilt_std",
+    "mass": "terminal.mass.std",
+    "barycentre": "terminal.barycenter.std",
+    "zeros": "zero.std",
+    "delay": "log.delay.std",
+    "body against axes": "tracker.misalignment",
+    "target drawing": "tracker.drawing",
+    UNMOVED: "drift.angle",
+    "repeatability of the NCPs": "uncertainty.positioner",
+    "friction of the hinges": "uncertainty.hinge_moment",
+    "compliance": "uncertainty.compliance",
+    "drift of the zeros": "drift.time",
+}
+
+
+def parts(c: Calibration) -> str:
+    """What a calibration pools: campaigns, or parts of one log."""
+    files = [{file.sha256 for file in one.inputs} for one in c.campaigns]
+    return "parts of the log" if files and set.intersection(*files) else "campaigns"
+
+
+def exact_name(c: Calibration, name: str) -> str:
+    """Words for what a calibration takes as exact."""
+    return {
+        "gain, crosstalk": "gain and crosstalk",
+        "body against axes": "how a sensor's body lies to its axes",
+        UNMOVED: f"no turn between {parts(c)}",
+    }.get(name, name)
 
 
 def without_effect(c: Calibration) -> list[str]:
@@ -186,8 +221,8 @@ def decision_rule(c: Calibration) -> str:
     said = f"Accepted where {numbered}. Limits of uncertainties need no guard band."
     for moved in (q for q in c.taken_as_exact if q.name == UNMOVED):
         said += (
-            " All campaigns count as of one state: that a sensor turned before the last of them "
-            f"is excluded, with {DETECTION_POWER:.0%} probability, from "
+            f" All {parts(c)} count as of one state: that a sensor turned before the last of "
+            f"them is excluded, with {DETECTION_POWER:.0%} probability, from "
             f"{measured(1e3 * moved.error)} mrad on only{FIXED}."
         )
     if c.status == "provisional":

@@ -56,7 +56,10 @@ _RULE = (
 _AGAIN = "Validate it again in a month, and after every work on a sensor, a hinge or the terminal."
 _KEEP = "Keep this calibration in use."
 _RENEWED = "The angles stand; use them once the certificate does."
-_NEW_ZEROS = "Keep its angles; if the sensors were tared, bring their zeros in by `tdfscal update`."
+_NEW_ZEROS = (
+    "If the sensors were tared, keep its angles and bring their zeros in by `tdfscal update`. If "
+    "not, look how the sensor named sits: a small turn moves its readings alike."
+)
 _SAID = {
     "holds": ("still valid", _KEEP, _AGAIN),
     "tared": ("still valid", _NEW_ZEROS, _AGAIN),
@@ -108,9 +111,7 @@ class Origin:
         }
 
 
-def validation_document(
-    v: Tested, findings: Sequence[Finding], origin: Origin | None = None
-) -> dict[str, Any]:
+def validation_document(v: Tested, findings: Sequence[Finding], origin: Origin) -> dict[str, Any]:
     """Everything as JSON values, SI units."""
     parts = _of_the_motion(v) if isinstance(v, MovingValidation) else _of_the_postures(v)
     moved = np.where(np.isfinite(v.zeros.change_std), v.zeros.change, np.inf)
@@ -135,7 +136,7 @@ def validation_document(
             "power": DETECTION_POWER,
             "supports": layout.each_named(v.rig.supports, **dict(turns)),
         },
-        **(origin.document() if origin is not None else {}),
+        **origin.document(),
     )
 
 
@@ -270,18 +271,30 @@ def _expected(v: Validation) -> dict[str, float]:
     return dict(zip(("force", "moment"), np.sqrt(variance.mean(axis=0)).tolist(), strict=True))
 
 
+def _when_calibrated(origin: Origin) -> dict[str, float] | None:
+    """The same of the motion that was calibrated from; a log's own noise would hide its faults."""
+    if (motion := origin.calibration.motion) is None:
+        return None
+    rms = np.sqrt(np.mean(np.square(motion.residual.after), axis=0))
+    return dict(zip(("force", "moment"), rms.tolist(), strict=True))
+
+
 def validation_report(
     v: Tested,
     findings: Sequence[Finding],
-    origin: Origin | None = None,
+    origin: Origin,
     drawings: tuple[Drawing, ...] = (),
 ) -> Report:
-    """Lay out a verdict; origin and drawings are those of a page."""
+    """Lay out a verdict; drawings are those of a page."""
     found = _residual(v)
     if isinstance(v, MovingValidation):
         lost = covered(v.rejected)
         tested = ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out")
-        table = layout.residual_table(found, "means over a second, about the barycentre")
+        where = "means over a second, about the barycentre"
+        then = _when_calibrated(origin)
+        table = layout.residual_table(
+            found, f"{where}; then: when calibrated" if then else where, then, "rms then"
+        )
         figure = "residual-over-time"
         left_out = layout.stretches(v.rejected)
     else:
@@ -294,7 +307,7 @@ def validation_report(
         advice = [_RENEWED if step == _KEEP else step for step in advice]
     return Report(
         title=v.rig.name,
-        subtitle="" if origin is None else _about(v, origin),
+        subtitle=_about(v, origin),
         verdict=verdict.upper(),
         accepted=v.holds and not v.gate_rejected,
         claim=" ".join(_why(v, findings)),
@@ -310,11 +323,11 @@ def validation_report(
         sections=(
             *layout.illustrated(drawings, {figure: (table,)}),
             Section("Left out", layout.listed("Left out", left_out)),
-            *(_papers(v, origin) if origin is not None else ()),
+            *_papers(v, origin),
         ),
         warnings=tuple(told(found) for found in findings if not _own(v, found)),
         advice=(*ended, *advice),
-        created="" if origin is None else layout.utc(origin.making.created),
+        created=layout.utc(origin.making.created),
     )  # fmt: skip
 
 

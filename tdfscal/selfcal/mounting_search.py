@@ -229,18 +229,19 @@ def rivals(result: Fit) -> list[Rival]:
     return sorted(found, key=lambda rival: rival.gap)
 
 
-def describe(rig: Rig, state: State, rival: State) -> str:
-    """Words for two mountings: roll, pitch, yaw in degrees of the sensors that differ."""
-    turn = _turned(state.rotation, rival.rotation, rig.axes)
-    mine, other = (np.degrees(so3.to_rpy(each.rotation)) for each in (state, rival))
+def describe(rig: Rig, state: State, rival: State) -> tuple[str, list[str]]:
+    """Two mountings: roll, pitch, yaw, rad, of the sensors that differ; and those that do not."""
+    differs = _turned(state.rotation, rival.rotation, rig.axes) > APART
+    mine, other = (so3.to_rpy(each.rotation) for each in (state, rival))
 
     def angles(rpy: FloatArray) -> str:
-        return "(" + ", ".join(f"{value + 0.0:.1f}" for value in rpy) + ")°"
+        return f"[{', '.join(f'{value + 0.0:.2f}' for value in rpy)}]"
 
-    return "; ".join(
-        f"{rig.supports[i]} at roll, pitch, yaw {angles(mine[i])} or {angles(other[i])}"
-        for i in np.flatnonzero(turn > APART)
+    each = (
+        f"{rig.supports[i]} at roll, pitch, yaw {angles(mine[i])} or {angles(other[i])} rad"
+        for i in np.flatnonzero(differs)
     )
+    return "; ".join(each), [rig.supports[i] for i in np.flatnonzero(~differs)]
 
 
 def minima(of: Problem, state: State, starts: FloatArray) -> list[FloatArray]:

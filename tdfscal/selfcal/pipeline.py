@@ -207,7 +207,8 @@ def _check(fit: Fit, seen: Undetermined, usable: Usable, near: tuple[Rival, ...]
     try:
         require_angles(seen.observability, fit.converged, fit.iterations, seen)
         if near and near[0].as_likely:
-            values: dict[str, Value] = {"mountings": describe(rig, fit.state, near[0].state)}
+            mountings, same = describe(rig, fit.state, near[0].state)
+            values: dict[str, Value] = {"mountings": mountings, "same": same}
             if (used := int(np.count_nonzero(fit.weight))) < ENOUGH:
                 values |= {"few": used, "least": ENOUGH}
             values["alike"] = near[0].p_value > 1.0 - INTERVAL_COVERAGE

@@ -14,6 +14,7 @@ from tdfscal.reporting.text import render
 from tdfscal.reporting.validation import validation_document, validation_report
 from tdfscal.significance import VALIDATION_ALARM
 from tdfscal.validation.residual_wrench import AS_STATED, KnownNoise, Validation, validate
+from tests.reporting.test_validation_page import origin_of_check
 from tests.wrench.held_out import turned, world
 from tests.wrench.test_tared import tared
 
@@ -31,8 +32,9 @@ def validation(turn: float, trial: int = 0, known: KnownNoise = AS_STATED) -> Va
 
 
 def written(v: Validation) -> tuple[dict[str, Any], str]:
-    document = {**validation_document(v, ()), "findings": documents(changes(v))}
-    return document, " ".join(render(validation_report(v, ())).split())
+    origin = origin_of_check()
+    document = {**validation_document(v, (), origin), "findings": documents(changes(v))}
+    return document, " ".join(render(validation_report(v, (), origin)).split())
 
 
 @pytest.mark.parametrize("turn", [0.0, 1.5e-3, 2e-3, 8e-3])

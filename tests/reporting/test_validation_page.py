@@ -7,7 +7,7 @@ from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding
 from tdfscal.records import CampaignInfo, InputFile, SensorInfo
-from tdfscal.reporting.traceability import Making, report_digest
+from tdfscal.reporting.traceability import Making, exact_name, report_digest
 from tdfscal.reporting.validation import Origin, validation_document
 from tdfscal.validation.residual_wrench import Validation, validate
 from tests.reporting.pages import render_validation
@@ -70,7 +70,7 @@ def test_still_valid() -> None:
         "2026-03-03 10:00:00 UTC",
         *("RH-02", "A. Muster", "Hall 3", "doors closed", "T-2", "D-K-2", "2027-01-31"),
         *(str(report_digest(own.calibration)), own.rig.sha256),
-        *(q.name for q in own.calibration.taken_as_exact),
+        *(exact_name(own.calibration, q.name) for q in own.calibration.taken_as_exact),
         "0.5 % of calibrations that hold",
     ):
         assert text in said

@@ -4,10 +4,12 @@ Everything is finite; None stands for a standard uncertainty that does not exist
 and the rig leave the quantity open. Tables of evidence are in `evidence`.
 """
 
+import re
+from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import StringConstraints, model_validator
+from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
 from tdfscal.files import field_types as kind
 from tdfscal.files.field_types import Known, Strict, fault, key
@@ -29,9 +31,19 @@ Status = Literal["accepted", "provisional", "rejected"]
 Method = Literal["self", "tracker", "joint"]
 Angle = Literal["roll", "pitch", "yaw"]
 Texts = tuple[kind.Text, ...]
+_INSTANT = r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"
+
+
+def _instant(value: Any) -> str:
+    with suppress(TypeError, ValueError):
+        if re.match(_INSTANT, value):
+            datetime.fromisoformat(value)
+            return str(value)
+    raise fault(f"is no instant: {value!r:.40}", hint="write it as 2026-11-21T08:30:00Z, UTC")
+
+
 Instant = Annotated[
-    str,
-    StringConstraints(strict=True, pattern=r"^\d{4}-\d{2}-\d{2}T\d{2}:\d{2}:\d{2}(\.\d{1,6})?Z$"),
+    str, BeforeValidator(_instant), WithJsonSchema({"type": "string", "pattern": _INSTANT})
 ]
 """UTC, ISO 8601."""
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import PurePath
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,8 @@ from tdfscal.reporting.figures.style import (
 )
 from tdfscal.significance import COVERAGE_FACTOR
 
+#: Letters that fit below one of two panels.
+_LETTERS = 48
 #: Widest intervals within which the gate's limit leaves them legible.
 _NEAR = 4.0
 _WHISKERS: dict[str, Any] = {"fmt": "o", "markersize": 3.5, "elinewidth": 1.8, "capsize": 3.5}
@@ -106,7 +109,7 @@ def _gate(ax: Axes, limit: float, widest: float, covered: str) -> None:
         said += " (dashed)"
         for end in (-limit, limit):
             ax.axvline(end, color=style.RED, linestyle="--", linewidth=1.2)
-    ax.set_xlabel(f"interval about the angle, mrad, {covered};\n{said}")
+    ax.set_xlabel(fill(f"interval about the angle, mrad, {covered}; {said}", _LETTERS))
 
 
 def differences(pairs: Sequence[Comparison]) -> Drawing:
