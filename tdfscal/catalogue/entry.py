@@ -190,7 +190,8 @@ def _scales(fields: dict[str, Any], what: str, unit: str) -> str:
     for k, name in enumerate(fields["turned"]):
         signs = ", ".join(f"{sign:.14g}" for sign in fields["signs"][3 * k : 3 * k + 3])
         lines.append(f"`log.supports.{name}.{what}_scale: [{signs}]`")
-    return f"{' and '.join(lines)}, times the {unit} of one unit of the log"
+    times = "" if fields.get("scaled") else f", times the {unit} of one unit of the log"
+    return f"{' and '.join(lines)}{times}"
 
 
 def begun(text: str, end: str = "") -> str:

@@ -100,7 +100,7 @@ def listed(paths: PathLikes) -> list[Path]:
         if not path.exists():
             home, near = path.absolute().parent, None
             if home.is_dir():
-                near = nearest(path.name, sorted(entry.name for entry in entries_of(home)))
+                near = nearest(path.name, [entry.name for entry in entries_of(home)])
             advice = f"the nearest name there is {near}" if near else "check the path"
             what = "there is no such file or folder"
             raise UsageError(what, where=str(path), hint=NOWHERE if path.is_symlink() else advice)
@@ -184,7 +184,7 @@ def find_logs(
             _require_log(path)
             found.setdefault(_real(path), path)
             continue
-        for entry in sorted(entries_of(path), key=_natural):
+        for entry in entries_of(path):
             own = not patterns or any(owns(one, entry) for one in patterns)
             if entry.name.startswith(".") or not own:
                 continue
@@ -248,12 +248,6 @@ def _rig_of(paths: Sequence[Path], fallback: LoadedRig | None) -> LoadedRig:
     return first
 
 
-def _natural(path: Path) -> list[tuple[int, int, str]]:
-    """Sort key that puts rosbag_2 before rosbag_10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
-
-
 def campaign_folders(where: PathLikes, rig: PathLike | None = None) -> list[list[Path]]:
     """Group a command's paths by campaign: folders with a rig.yaml are a campaign each.
 
@@ -275,7 +269,7 @@ def _campaigns_in(path: Path) -> list[Path]:
         return []
     if (path / RIG_NAME).is_file():
         return [path]
-    folders = [entry for entry in sorted(entries_of(path)) if _is_folder(entry)]
+    folders = [entry for entry in entries_of(path) if _is_folder(entry)]
     if not any((folder / RIG_NAME).is_file() for folder in folders):
         return []
     return [f for f in folders if (f / RIG_NAME).is_file() or any(map(_is_recorded, entries_of(f)))]

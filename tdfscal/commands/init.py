@@ -94,7 +94,7 @@ def init(
     text = draft(
         first.path.absolute().parent.name or "Rig",
         sketch,
-        _notes(sketch, len(position)),
+        len(position),
         info.recorders,
         info.guess.notes,
     )
@@ -117,16 +117,3 @@ def _postures(info: LogInfo) -> tuple[FloatArray, FloatArray]:
     if there is None:
         raise no_dwell(info.dwells) if info.dwells is not None else _no_draft(info)
     return there
-
-
-def _notes(sketch: RigSketch, postures: int) -> dict[str, str]:
-    upright = "as the loads lie along the sensors' axes"
-    if not all(sketch.upright):
-        upright = "but the loads lie between a sensor's axes"
-    return {
-        "mass": f"from the forces of {postures} postures",
-        "hinge": "from the positions: origin in the middle of the hinges, axes along those of the "
-        f"BCS in posture {sketch.reference + 1} of {postures}, however that leans; no drawing's "
-        f"axes; the distances vary by {sketch.spread:.2g} m",
-        "nominal_rpy": f"nominal mounting, {upright}; turns about the vertical are calibrate's",
-    }  # fmt: skip

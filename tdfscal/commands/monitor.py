@@ -187,15 +187,12 @@ def _findings(life: Life, checks: Sequence[Earlier | Judged]) -> Iterator[Findin
     for e in known:
         yield from (*below_accepted(e.name, e.file), *unsealed(e.name, e.file))
     if dated := [check.name for check in checks if check.measured.source == "file"]:
-        yield Finding("checks-undated", _some(dated))
+        more = len(dated) - LISTED
+        yield Finding(
+            "checks-undated", (*dated[:LISTED], *([f"and {more} more"] if more > 0 else []))
+        )
     never = [name for name, told in zip(life.supports, life.known, strict=True) if not told]
     yield from (Finding("sensor-never-determined", (name,)) for name in never)
     for e in known:
         if silent := [name for name in e.file.undetermined if name not in never]:
             yield Finding("check-silent", (e.name,), values={"sensors": silent})
-
-
-def _some(names: Sequence[str]) -> tuple[str, ...]:
-    """Names, the first ones of many."""
-    more = len(names) - LISTED
-    return (*names[:LISTED], *([f"and {more} more"] if more > 0 else []))

@@ -11,7 +11,8 @@ from tdfscal.commands.campaign import PathLike, rig_file
 from tdfscal.commands.options import Option, silent
 from tdfscal.commands.result import CommandResult, by_column, each_angle
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.files.writers.campaign import SQUEEZE, LogFormat, check_folder, simulate_to_folder
+from tdfscal.files.writers.campaign import SQUEEZE, check_folder, simulate_to_folder
+from tdfscal.files.writers.logs import LogFormat
 from tdfscal.files.yaml import as_path
 from tdfscal.frozen import record
 from tdfscal.reporting.layout import document

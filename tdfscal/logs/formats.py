@@ -162,9 +162,15 @@ def has_metadata(folder: Path) -> bool:
 
 
 def entries_of(folder: Path) -> list[Path]:
-    """List a folder. Raises UsageError where that is not allowed."""
+    """List a folder, by names. Raises UsageError where that is not allowed."""
     with _looking_into(folder):
-        return list(folder.iterdir())
+        return sorted(folder.iterdir(), key=lambda entry: natural(entry.name))
+
+
+def natural(name: str) -> list[tuple[int, int, str]]:
+    """Sort key that puts rosbag_2 before rosbag_10."""
+    parts = re.split(r"(\d+)", name)
+    return [(1, int(part), "") if part.isdecimal() else (0, 0, part) for part in parts]
 
 
 @contextmanager
@@ -239,7 +245,7 @@ def files_of_bag(folder: Path) -> list[Path]:
 
 
 def _stored(folder: Path) -> list[Path]:
-    entries = sorted(entries_of(folder))
+    entries = entries_of(folder)
     return [entry for entry in entries if _STORED.fullmatch(entry.name) and entry.is_file()]
 
 

@@ -19,6 +19,7 @@ from tdfscal.logs.contents import (
     resampled,
     time_unit,
 )
+from tdfscal.logs.formats import natural
 from tdfscal.logs.messages.buffer import topic_of
 from tdfscal.numerics import so3
 from tdfscal.records import Rig
@@ -103,7 +104,7 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
         return Guess((), (_why_none(found, vectors, files.values()),))
-    pairs, notes = _named(sorted(pairs, key=lambda p: _natural(p.position.label)), rig)
+    pairs, notes = _named(sorted(pairs, key=lambda p: natural(p.position.label)), rig)
     length = length_unit([p.position for p in pairs], rig)
     force = force_unit([p.force for p in pairs], rig)
     on, why_on = _force_on(pairs, rig)
@@ -307,8 +308,3 @@ def _force_on(pairs: Sequence[_Pair], rig: Rig | None) -> tuple[Literal["termina
     if abs(total[2]) < 0.5 * float(np.linalg.norm(total)):
         note += "; it is far from vertical, so check this"
     return on, note
-
-
-def _natural(label: str) -> list[tuple[int, int, str]]:
-    parts = re.split(r"(\d+)", label)
-    return [(1, int(p), "") if p.isdecimal() else (0, 0, p) for p in parts]

@@ -10,7 +10,8 @@ import yaml
 from tdfscal import read_log
 from tdfscal.errors import UsageError
 from tdfscal.files.rig.reading import load_rig
-from tdfscal.files.writers.campaign import LogFormat, simulate_to_folder
+from tdfscal.files.writers.campaign import simulate_to_folder
+from tdfscal.files.writers.logs import LogFormat
 from tdfscal.records import Acceptance, CampaignInfo, Drift, SensorInfo, UncertainValue
 from tdfscal.simulation import MOVING, Recorder, Truth
 from tests.cli.running import contents

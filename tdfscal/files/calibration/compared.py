@@ -36,7 +36,13 @@ def compared(
     """
     pair, said = _by_recordings(first, second, order)
     a, b = ((name, c.rig.record()) for name, c in (first, second))
-    said = (*said, *other_papers(a, b), *_stated_otherwise(a, b))
+    # Of constants stated otherwise, but for where the LCS lies.
+    what = (found.values["what"] for found in different_constants(a[1], b[1])
+            if found.code == "rig-constant" and found.values["what"] != "hinge")  # fmt: skip
+    values: dict[str, Value] = {"whats": [str(one) for one in dict.fromkeys(what)]}
+    said = (*said, *other_papers(a, b))
+    if values["whats"]:
+        said += (Finding("compared-stated-otherwise", (a[0], b[0]), values=values),)
     rejected = tuple(name for name, c in (first, second) if not c.accepted)
     if differences := other_rig(a[1], b[1]):
         found = rigs_apart(differences, "compared-other-rig")
@@ -47,15 +53,6 @@ def compared(
         return pair, said
     known = () if pair.obstacle is None else (pair.obstacle,)
     return replace(pair, obstacle=found), (*said, *known)
-
-
-def _stated_otherwise(first: tuple[str, Rig], other: tuple[str, Rig]) -> tuple[Finding, ...]:
-    """What the rig files state differently of the rig's constants, but for where the LCS lies."""
-    found = [each.values["what"] for each in different_constants(first[1], other[1])
-             if each.code == "rig-constant" and each.values["what"] != "hinge"]  # fmt: skip
-    values: dict[str, Value] = {"whats": [str(what) for what in dict.fromkeys(found)]}
-    names = (first[0], other[0])
-    return (Finding("compared-stated-otherwise", names, values=values),) if found else ()
 
 
 def _by_recordings(
@@ -84,12 +81,14 @@ def _nested(
     apart = most.measured.record().month - part.measured.record().month
     walk = most.rig.record().drift.angle ** 2 * abs(apart)
     scatter = max(1.0, 1.0 if most.fit is None else most.fit.birge)
-    unscaled = [_before_scaling(c, scatter) for _, c in (first, second)]
-    if None not in unscaled:  # or else their ratios would pass for what the data added
+    stated = [np.array(c.parameters and c.parameters.unscaled) for _, c in (first, second)]
+    # By what is stated, times a ratio common to both; its own would pass for what the data added.
+    if all(
+        matrix.shape == one.covariance.shape for matrix, (_, one) in zip(stated, given, strict=True)
+    ):
         given = [
-            (name, in_order_of(known, own))
-            for (name, known), own in zip(given, unscaled, strict=True)
-            if own is not None
+            (name, in_order_of(known, replace(c.rotations(), covariance=scatter**2 * matrix)))
+            for (_, known), (name, c), matrix in zip(given, (first, second), stated, strict=True)
         ]
     pair = compare_pair(given[0], given[1], Nested(whole, walk))
     undated = any(c.measured.source == "file" for c in (most, part))
@@ -116,22 +115,16 @@ def _no_two_results(pair: Comparison, found: Finding) -> Comparison:
     )
 
 
-def _before_scaling(c: Calibration, scatter: float) -> Rotations | None:
-    """Rotations with the covariance by what is stated, times a ratio common to both; or None."""
-    if c.parameters is None or c.parameters.unscaled is None:
-        return None
-    covariance = np.array(c.parameters.unscaled)
-    if covariance.shape != c.rotation_covariance.shape:
-        return None
-    return Rotations(c.support_names, c.rotation, scatter**2 * covariance)
-
-
 def campaigns_of(c: Calibration, name: str = "calibration") -> tuple[CampaignResult, ...]:
     """The campaigns that a calibration stands on; one that lists none is one itself, by `name`."""
     if c.campaigns:
         return c.campaigns
     # In motion the noise is estimated with the fit: its χ² tells nothing of what was stated.
-    tested = c.fit if c.motion is None else None
+    tested, span = c.fit if c.motion is None else None, None
+    if c.motion is not None:
+        span = c.motion.begin, c.motion.begin + c.motion.seconds
+    elif c.dwells is not None and c.dwells.start:
+        span = min(c.dwells.start), max(c.dwells.end)
     alone = CampaignResult.model_construct(
         name=name,
         **{key: getattr(c, key) for key in ("measured", "inputs", "terminal")},
@@ -141,7 +134,7 @@ def campaigns_of(c: Calibration, name: str = "calibration") -> tuple[CampaignRes
         chi2=tested.chi2 if tested else 0.0,
         dof=tested.dof if tested else 0,
         readings=c.dwells,
-        span=_used_part(c),
+        span=span,
     )
     return (alone,)
 
@@ -176,15 +169,6 @@ def readings_of(c: Calibration, supports: Sequence[str]) -> list[Readings]:
         else Readings(np.array(table.force)[:, order], np.array(table.noise)[order])
         for table in (one.readings for one in campaigns_of(c))
     ]
-
-
-def _used_part(c: Calibration) -> tuple[float, float] | None:
-    """Begin and end of the part of a log that was used, s in the log's time."""
-    if c.motion is not None:
-        return c.motion.begin, c.motion.begin + c.motion.seconds
-    if c.dwells is not None and len(c.dwells.start):
-        return float(min(c.dwells.start)), float(max(c.dwells.end))
-    return None
 
 
 def defects(name: str, c: Calibration, papers: Rig | None = None) -> tuple[Finding, ...]:

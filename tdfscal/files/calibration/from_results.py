@@ -91,7 +91,11 @@ def from_self(
     known, given, std = result.uncertainty, result.calibrated, result.uncertainty.parameter_std
     parts = _own_parts(result, origin)
     if parts["estimator"] == "ml":  # the linear method takes zeros and load as they are stated
-        unscaled = _unscaled(result) if isinstance(result, SelfCalibration) else None
+        unscaled = None
+        if isinstance(result, SelfCalibration):  # by the stated uncertainties, for `update`
+            turns = np.flatnonzero(np.repeat(result.observability.determined, 3))
+            root = factored_information(result.fit).root[turns]
+            unscaled = root @ root.T
         parts["parameters"] = parameters_document(given, unscaled)
         std = published_std(given, std)
     state, determined = result.fit.still, result.observability.determined
@@ -229,13 +233,6 @@ def published_std(given: Calibrated, fitted: FloatArray) -> FloatArray:
     return np.where(np.isinf(fitted[: len(std)]), np.inf, std)
 
 
-def _unscaled(result: SelfCalibration) -> FloatArray:
-    """Covariance (3n, 3n) of the rotations by the stated uncertainties, for `update`."""
-    turns = np.flatnonzero(np.repeat(result.observability.determined, 3))
-    root = factored_information(result.fit).root[turns]
-    return np.asarray(root @ root.T)
-
-
 def _file(
     origin: Provenance,
     angles: Angles,
@@ -252,6 +249,12 @@ def _file(
     own = {name: parts.pop(name) for name in ("zero", "zero_std", "sensitivity")}
     turns = {"parameters": turn_parameters(tuple(compress(rig.supports, determined)))}
     rows = parameter_rows(parts.get("parameters", turns)["parameters"], rig.supports)
+    taken = list[dict[str, Any]]()
+    for quantity in exact:  # what a typical error of it does to the sensors that are determined
+        moved = quantity.turns(len(R))
+        known = angles_document(R, moved @ moved.T, determined)
+        effect = np.where(np.isinf(known["rpy_std"]), known["turn_std"], known["rpy_std"])
+        taken.append({"effect": effect[determined], **exact_moves_document(quantity, rows)})
     content = {
         "format": keys.CALIBRATION_FORMAT,
         "status": status_of((f["code"], f["severity"]) for f in found),
@@ -269,10 +272,7 @@ def _file(
             "matrix": (covariance + covariance.T) / 2,
         },
         "budget": statistics.budget(rig.supports, budget, determined),
-        "taken_as_exact": [
-            {"effect": _effect(angles, quantity), **exact_moves_document(quantity, rows)}
-            for quantity in exact
-        ],
+        "taken_as_exact": taken,
         "monte_carlo": trials
         and {
             "trials": trials.trials,
@@ -311,11 +311,3 @@ def _supports(rig: Rig, angles: Angles, own: Mapping[str, Any]) -> list[dict[str
             entry["directions"] = {axis: line for axis, line, used in axes if used}
         supports.append(entry)
     return supports
-
-
-def _effect(angles: Angles, quantity: ExactMoves) -> FloatArray:
-    """Effect (k, 3), rad, of a quantity's typical error on the sensors that are determined."""
-    turns = quantity.turns(len(angles.rotation))
-    known = angles_document(angles.rotation, turns @ turns.T, angles.determined)
-    effect = np.where(np.isinf(known["rpy_std"]), known["turn_std"], known["rpy_std"])
-    return effect[angles.determined]

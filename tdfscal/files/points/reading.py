@@ -90,7 +90,12 @@ def read_point_file(path: Path | str, *, length_unit: str | None) -> PointReadin
     table = read_table(text, source)
     coordinate, uncertainty = _factors(table, length_unit)
     names, named = _names(table)
-    _refuse_probe_offsets(table, names)
+    for k, i in np.argwhere(np.nan_to_num(table.numbers("offset", blank=True)) != 0):
+        what = (
+            f"{names[k][1]} has a probe offset of {table.texts('offset')[k][i]}: the coordinates "
+            "are those of the probe, not of the point"
+        )
+        table.refuse(k, what, "export offset-corrected points")
     xyz = table.numbers(*_XYZ)
     # Whole numbers are a drawing's: exact, not readings that were rounded to a unit.
     digit = 0.0 if np.all(xyz == np.round(xyz)) else table.last_digit(*_XYZ)
@@ -176,18 +181,6 @@ def _names(table: Table) -> tuple[list[tuple[str, str]], list[Finding]]:
             table.refuse(k, what, hint)
         names.append(name)
     return names, found
-
-
-def _refuse_probe_offsets(table: Table, names: list[tuple[str, str]]) -> None:
-    """Refuse coordinates of a probe, which are not those of the point beside it."""
-    offset = np.nan_to_num(table.numbers("offset", blank=True))
-    for k, i in np.argwhere(offset != 0):
-        table.refuse(
-            k,
-            f"{names[k][1]} has a probe offset of {table.texts('offset')[k][i]}: the coordinates "
-            "are those of the probe, not of the point",
-            "export offset-corrected points",
-        )
 
 
 def _stated(table: Table) -> tuple[FloatArray | None, list[Finding]]:

@@ -16,8 +16,6 @@ import yaml
 
 from tdfscal.errors import DataError, visible
 from tdfscal.files.field_types import Quantity
-from tdfscal.files.rig.model import RIG_FORMAT
-from tdfscal.files.rig.reading import CONFIRM
 from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.saving import in_utf8, represent_text
 from tdfscal.findings import Finding
@@ -31,27 +29,57 @@ _ALONG: Final = 0.8  # cosine; a load further off an axis shows no quarter turn
 _WIDTH: Final = 90
 #: What is said behind the keys of the log block.
 _MARKS: Final = {
-    "files": f"  # {CONFIRM}: the names of this recorder's files",
-    "rows": f"  # {CONFIRM}: each row is one averaged posture",
-    "time": f"  # {CONFIRM}: which field is the clock",
-    "length_unit": f"  # {CONFIRM}: of the positions",
-    "force_unit": f"  # {CONFIRM}: of the forces",
-    "force_on": f"  # {CONFIRM}: terminal if readings are the force on it, sensor if its reaction",
-    "decimal": f"  # {CONFIRM}",
-    "delay": f"  # {CONFIRM}: s, force minus position stamps; in motion",
-    "supports": f"  # {CONFIRM}: these fields are this support's",
+    "files": "  # confirm: the names of this recorder's files",
+    "rows": "  # confirm: each row is one averaged posture",
+    "time": "  # confirm: which field is the clock",
+    "length_unit": "  # confirm: of the positions",
+    "force_unit": "  # confirm: of the forces",
+    "force_on": "  # confirm: terminal if readings are the force on it, sensor if its reaction",
+    "decimal": "  # confirm",
+    "delay": "  # confirm: s, force minus position stamps; in motion",
+    "supports": "  # confirm: these fields are this support's",
 }
 
-_UNCERTAINTY: Final = (
-    "# Standard uncertainties, k = 1, that the log's own scatter cannot show.",
-    "uncertainty:",
-    f"  positioner: 1.0e-5  # {CONFIRM}: m, repeatability of an NCP per axis",
-    f"  hinge: 1.0e-4  # {CONFIRM}: m, per coordinate of each hinge",
-    f"  datum: 1.0e-4  # {CONFIRM}: m, constant offset of each servo's coordinates",
-    f"  force_noise: 0.1  # {CONFIRM}: N, per axis and posture, beyond the scatter",
-    f"  force_sensitivity: 0.002  # {CONFIRM}: relative, gain and crosstalk; the data sheet's",
-    f"  hinge_moment: 0.0  # {CONFIRM}: N·m, friction of the hinges",
-)
+_SUPPORT: Final = """\
+  - name: {name}
+    hinge: [{hinge}]  # confirm
+    zero: {{value: [0, 0, 0], std: [.inf, .inf, .inf]}}  # confirm
+    nominal_rpy: [{rpy}]  # confirm
+    rpy_std: .inf
+"""
+_DRAFT: Final = """\
+# Drafted by `tdfscal init` from a log. Take each `# confirm` away once its line is
+# right: until then `calibrate` says which of them its result rests on.
+format: tdfscal-rig/1
+name: {name}
+# levelness of the BCS, rad per horizontal axis; gravity points along its −Z
+gravity: {{magnitude: 9.80665, tilt_std: 0.0005}}  # confirm
+terminal:
+  # kg, from the forces of {postures} postures; weigh the terminal with all it carries
+  mass: {{value: {mass:.6g}, std: {mass_std:g}}}  # confirm
+  # m, LCS of the hinges below, x and y from the shares of the load; .inf: the height is
+  # unknown. A drawing's barycentre needs the drawing's hinges, too
+  barycenter: {{value: [{x:.3f}, {y:.3f}, 0.0], std: [0.02, 0.02, .inf]}}  # confirm
+# hinge: m, LCS; from the positions: origin in the middle of the hinges, axes along those
+# of the BCS in posture {reference} of {postures}, however that leans; no drawing's axes; the
+# distances vary by {spread:.2g} m; better from the terminal's drawing
+# zero: N; after a tare its standard uncertainty, such as 0.5
+# nominal_rpy: rad; nominal mounting, {mounting}; turns about
+# the vertical are calibrate's. rpy_std: rad, how well that is kept; .inf relies on nothing
+supports:
+{supports}# Standard uncertainties, k = 1, that the log's own scatter cannot show.
+uncertainty:
+  positioner: 1.0e-5  # confirm: m, repeatability of an NCP per axis
+  hinge: 1.0e-4  # confirm: m, per coordinate of each hinge
+  datum: 1.0e-4  # confirm: m, constant offset of each servo's coordinates
+  force_noise: 0.1  # confirm: N, per axis and posture, beyond the scatter
+  force_sensitivity: 0.002  # confirm: relative, gain and crosstalk; the data sheet's
+  hinge_moment: 0.0  # confirm: N·m, friction of the hinges
+{log}
+acceptance:
+  angle_std: 5.0e-3  # rad, largest standard uncertainty of any angle that is accepted
+  birge_max: 2.0
+"""
 
 
 @record
@@ -123,92 +151,63 @@ def _shape(position: FloatArray) -> tuple[FloatArray, int, float]:
 
 def _mounting(force: FloatArray) -> tuple[FloatArray, tuple[bool, ...]]:
     """Quarter turns (n, 3, 3) that hold the mean loads upright, and whose lie along an axis."""
-    mean = force.mean(axis=0)
-    axis = np.abs(mean).argmax(axis=1)
-    along = mean[np.arange(len(mean)), axis]
-    upright = np.abs(along) >= _ALONG * np.linalg.norm(mean, axis=1)
-    upright &= along != 0
-    rotation = [
-        _upright(int(i), float(np.sign(load))) if lies else np.eye(3)
-        for i, load, lies in zip(axis, along, upright, strict=True)
-    ]
-    return np.stack(rotation), tuple(upright.tolist())
-
-
-def _upright(axis: int, sign: float) -> FloatArray:
-    """A rotation that takes an axis of the sensor to the vertical."""
-    if axis == 2 and sign > 0:
-        return np.eye(3)
-    up = sign * np.eye(3)[axis]
-    level = np.roll(np.eye(3)[axis], 1)
-    return np.stack([level, np.cross(up, level), up])
+    rotation, upright = [], []
+    for mean in force.mean(axis=0):
+        axis = int(np.abs(mean).argmax())
+        lies = mean[axis] != 0 and abs(mean[axis]) >= _ALONG * np.linalg.norm(mean)
+        up, level = np.sign(mean[axis]) * np.eye(3)[axis], np.roll(np.eye(3)[axis], 1)
+        turn = np.stack([level, np.cross(up, level), up])  # takes that axis to the vertical
+        rotation.append(np.eye(3) if not lies or up[2] > 0 else turn)
+        upright.append(bool(lies))
+    return np.stack(rotation), tuple(upright)
 
 
 def draft(
     name: str,
     sketch: RigSketch,
-    notes: Mapping[str, str],
+    postures: int,
     recorders: Sequence[LogBlock],
     reasons: Sequence[str],
 ) -> str:
     """Write a rig file's text.
 
-    notes : what is to be said beside `mass`, `hinge` and `nominal_rpy`. recorders : the log block,
-    and the reasons for what it says.
+    postures : of which the sketch is. recorders : the log block, and the reasons for what it says.
     """
-    mass, barycentre = sketch.mass, sketch.barycentre
     if len(recorders) == 1:  # of two recorders it is in the clocks
         delay = {"delay": Quantity(value=0.0, std=0.005)}
         recorders = [recorders[0].model_copy(update=delay)]
-    lines = [
-        f"# Drafted by `tdfscal init` from a log. Take each `# {CONFIRM}` away once its line is",
-        "# right: until then `calibrate` says which of them its result rests on.",
-        f"format: {RIG_FORMAT}",
-        f"name: {_flow(in_utf8(name))}",
-        *_entry("levelness of the BCS, rad per horizontal axis; gravity points along its −Z",
-                "gravity: {magnitude: 9.80665, tilt_std: 0.0005}"),
-        "terminal:",
-        *_entry(f"kg, {notes['mass']}; weigh the terminal with all it carries",
-                f"  mass: {{value: {mass:.6g}, std: {float(f'{0.02 * mass:.0e}'):g}}}"),
-        *_entry("m, LCS of the hinges below, x and y from the shares of the load; .inf: the height "
-                "is unknown. A drawing's barycentre needs the drawing's hinges, too",
-                f"  barycenter: {{value: [{barycentre[0]:.3f}, {barycentre[1]:.3f}, 0.0], "
-                "std: [0.02, 0.02, .inf]}"),
-        *_remark(f"hinge: m, LCS; {notes['hinge']}; better from the terminal's drawing. zero: N; "
-                 "after a tare its standard uncertainty, such as 0.5. nominal_rpy: rad; "
-                 f"{notes['nominal_rpy']}. rpy_std: rad, how well that is kept; .inf relies on "
-                 "nothing"),
-        "supports:",
-    ]  # fmt: skip
+    lies = "as the loads lie along the sensors'"
+    if not all(sketch.upright):
+        lies = "but the loads lie between a sensor's"
     each = zip(named_supports(recorders), sketch.hinge, sketch.nominal_rpy + 0.0, strict=True)
-    for support, place, rpy in each:
-        lines += [
-            f"  - name: {_flow(support)}",
-            f"    hinge: [{', '.join(f'{c:.6f}' for c in place)}]  # {CONFIRM}",
-            f"    zero: {{value: [0, 0, 0], std: [.inf, .inf, .inf]}}  # {CONFIRM}",
-            f"    nominal_rpy: [{', '.join(f'{a:.15g}' for a in rpy)}]  # {CONFIRM}",
-            "    rpy_std: .inf",
-        ]
-    lines += [
-        *_UNCERTAINTY,
-        *(line for reason in reasons for line in _remark(reason)),
-        *log_lines(recorders, _MARKS),
-        "acceptance:",
-        "  angle_std: 5.0e-3  # rad, largest standard uncertainty of any angle that is accepted",
-        "  birge_max: 2.0",
+    supports = (
+        _SUPPORT.format(
+            name=_flow(support),
+            hinge=", ".join(f"{c:.6f}" for c in place),
+            rpy=", ".join(f"{a:.15g}" for a in rpy),
+        )
+        for support, place, rpy in each
+    )
+    said = [  # names of fields and files stand in it
+        line
+        for reason in reasons
+        for line in textwrap.wrap(
+            visible(reason), _WIDTH, initial_indent="# ", subsequent_indent="# "
+        )
     ]
-    return "\n".join(lines) + "\n"
-
-
-def _entry(remark: str, line: str) -> list[str]:
-    """A line to be confirmed under a remark."""
-    indent = line[: len(line) - len(line.lstrip())]
-    return [*(indent + text for text in _remark(remark)), f"{line}  # {CONFIRM}"]
-
-
-def _remark(text: str) -> list[str]:
-    # Names of fields and files stand in it.
-    return textwrap.wrap(visible(text), _WIDTH, initial_indent="# ", subsequent_indent="# ")
+    return _DRAFT.format(
+        name=_flow(in_utf8(name)),
+        postures=postures,
+        mass=sketch.mass,
+        mass_std=float(f"{0.02 * sketch.mass:.0e}"),
+        x=sketch.barycentre[0],
+        y=sketch.barycentre[1],
+        reference=sketch.reference + 1,
+        spread=sketch.spread,
+        mounting=f"{lies} axes",
+        supports="".join(supports),
+        log="\n".join([*said, *log_lines(recorders, _MARKS)]),
+    )
 
 
 def named_supports(recorders: Sequence[LogBlock]) -> tuple[str, ...]:

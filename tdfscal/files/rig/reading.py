@@ -34,8 +34,7 @@ DRIFT_UNITS = {"time": HOUR, "temperature": 1.0, "walk": HOUR**0.5, "angle": 1.0
 
 
 #: What a line says whose value the user has still to confirm.
-CONFIRM = "confirm"
-_MARK = re.compile(rf"#.*\b{CONFIRM}\b")
+_MARK = re.compile(r"#.*\bconfirm\b")
 
 
 @record

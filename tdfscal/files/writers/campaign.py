@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from tdfscal.errors import UsageError
-from tdfscal.files.outputs import make_folder, replacing, together, writing
+from tdfscal.files.outputs import make_folder, replacing, together
 from tdfscal.files.rig.reading import DRIFT_UNITS
 from tdfscal.files.saving import to_yaml, write_text
-from tdfscal.files.writers import logs
-from tdfscal.records import CampaignInfo, Drift, Log, Rig, SensorInfo, TrackerSession
+from tdfscal.files.writers.logs import LogFormat, write_log
+from tdfscal.records import CampaignInfo, Drift, Rig, SensorInfo, TrackerSession
 from tdfscal.simulation import (
     MOVING,
     Campaign,
     Options,
     Run,
-    Survey,
     SurveyOptions,
     reference_rig,
     run,
@@ -29,14 +28,6 @@ from tdfscal.simulation import (
 from tdfscal.simulation.options import MovingOptions
 from tdfscal.simulation.scenarios import simulate_months
 
-LogFormat = Literal["csv", "parquet", "mcap"]
-
-#: What writes a log, and returns the rig file's `log` block that reads it.
-_FORMATS: dict[LogFormat, Callable[[Path, Log], dict[str, Any]]] = {
-    "csv": logs.write_csv,
-    "parquet": logs.write_parquet,
-    "mcap": logs.write_mcap,
-}
 #: What the rig file of a campaign in motion says of the delay, s.
 STATED_DELAY = {"value": 0.0, "std": 0.02}
 #: Relative standard uncertainty of the gain of the sample rig's sensors, as data sheets have it.
@@ -104,31 +95,19 @@ def _stated(block: CampaignInfo | SensorInfo | dict[str, Any]) -> dict[str, Any]
 
 
 def _support(rig: Rig, i: int) -> dict[str, Any]:
-    support: dict[str, Any] = {
-        "name": rig.supports[i],
-        "hinge": rig.hinge[i],
-        "zero": {"value": rig.zero.value[i], "std": rig.zero.std[i]},
-        "nominal_rpy": rig.nominal_rpy[i],
-    }
-    if np.any(np.isfinite(rig.rpy_std[i])):
-        std = rig.rpy_std[i]
-        support["rpy_std"] = std[0] if np.all(std == std[0]) else std
-    if np.any(np.isfinite(rig.capacity[i])):
-        support["capacity"] = rig.capacity[i]
-    if not rig.axes[i].all():
-        support["axes"] = [axis for axis, used in zip("xyz", rig.axes[i], strict=True) if used]
-    if rig.sensors and (papers := _stated(rig.sensors[i])):
-        support["sensor"] = papers
-    return support
-
-
-def tracker_block(survey: Survey) -> dict[str, Any]:
-    """The rig file's `tracker` block for the point files of a survey."""
-    session = survey.session
-    block: dict[str, Any] = {"instrument": session.instrument, "drawing": session.drawing}
-    if survey.misalignment > 0.0:
-        block["misalignment"] = survey.misalignment
-    return {**block, "length_unit": "mm", **_TRACKER}
+    axes = [axis for axis, used in zip("xyz", rig.axes[i], strict=True) if used]
+    return _stated(
+        {
+            "name": rig.supports[i],
+            "hinge": rig.hinge[i],
+            "zero": {"value": rig.zero.value[i], "std": rig.zero.std[i]},
+            "nominal_rpy": rig.nominal_rpy[i],
+            "rpy_std": rig.rpy_std[i] if np.isfinite(rig.rpy_std[i]).any() else None,
+            "capacity": rig.capacity[i] if np.isfinite(rig.capacity[i]).any() else None,
+            "axes": axes if len(axes) < 3 else None,
+            "sensor": (_stated(rig.sensors[i]) or None) if rig.sensors else None,
+        }
+    )
 
 
 def truth_document(played: Run, rig: Rig, scenario: Mapping[str, Any]) -> dict[str, Any]:
@@ -239,17 +218,20 @@ def write_run(played: Run, folder: Path, *, format: LogFormat, seed: int | None 
     rig = played.rig if recorded is None else recorded.rig
     story = {"name": played.scenario} | ({} if seed is None else {"seed": seed})
     block: dict[str, Any] = {}
-    tracker = None
-    with writing(folder), together():
+    tracker: dict[str, Any] | None = None
+    with together():
         make_folder(folder)
         if recorded is not None:
             with replacing(folder / f"log.{format}") as beside:
-                block = _FORMATS[format](beside, recorded.log)
+                block = write_log(beside, recorded.log, format)
         if played.moving is not None:
             block["delay"] = STATED_DELAY
         if survey is not None:
             write_session(folder / "tracker", survey.session)
-            tracker = tracker_block(survey)
+            session, drawn = survey.session, survey.misalignment
+            tracker = {"instrument": session.instrument, "drawing": session.drawing}
+            tracker |= {"misalignment": drawn} if drawn > 0.0 else {}
+            tracker |= {"length_unit": "mm", **_TRACKER}
         rig_file = rig_document(rig, block or None, tracker)
         write_text(folder / "rig.yaml", to_yaml(rig_file))
         write_text(folder / TRUTH, to_yaml(truth_document(played, rig, story)))

@@ -6,10 +6,10 @@ Messages are CDR with a header, made many at once, in zstd chunks.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -30,56 +30,73 @@ EPOCH = 1_750_000_000
 """Header stamp of time 0, s: a recording carries dates, but bytes must follow from the seed."""
 LATENCY_NS = 400_000
 """From a message's stamp to its arrival at the recorder."""
-_MM = 1000.0
+LogFormat = Literal["csv", "parquet", "mcap"]
+#: Names of the fields of position, force and temperature; i counts the supports from 1.
+_NAMES: dict[LogFormat, tuple[str, str, str]] = {
+    "csv": ("NCP{i}_ActPos{A}", "TDFS{i}_F{a}", "T_hall_degC"),
+    "parquet": ("{name}.{a}", "{name}.f{a}", "temperature"),
+    "mcap": (
+        "/ncp{i}/position.point",
+        "/tdfs{i}/wrench.wrench.force",
+        "/hall/temperature.temperature",
+    ),
+}
 
 
-def write_csv(path: Path, log: Log) -> dict[str, Any]:
-    """Positions in mm, forces in N, time in s; shortest decimals that read back as they are.
+def write_log(path: Path, log: Log, form: LogFormat) -> dict[str, Any]:
+    """Write a log; return the rig file's `log` block that reads it, but for what defaults say.
 
-    Returns the rig file's `log` block. Raises UsageError where the signals do not share one clock.
+    CSV: positions in mm, forces in N, time in s; shortest decimals that read back as they are.
+    Parquet: SI units and default names (`time`, `<name>.x` … `<name>.fz`), page checksums on.
+    MCAP: topics `/ncpN/position` (m), `/tdfsN/wrench` (N), N from 1, and `/hall/temperature` (°C).
+
+    Raises UsageError where the signals of a table do not share one clock.
     """
+    position, force, warm = _NAMES[form]
     supports = {
-        name: {
-            "position": [f"NCP{i}_ActPos{a}" for a in "XYZ"],
-            "force": [f"TDFS{i}_F{a}" for a in "xyz"],
-        }
+        name: {"position": _each(position, i, name), "force": _each(force, i, name)}
         for i, name in enumerate(log.supports, 1)
     }
-    names = [field for fields in supports.values() for three in fields.values() for field in three]
-    columns = _columns(log, np.tile([_MM] * 3 + [1.0] * 3, len(log.supports)))
-    names = ["t_s", *names, *["T_hall_degC"] * len(log.temperature)]
-    with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write(",".join(names) + "\n")
-        rows = np.column_stack(columns).tolist()
-        file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
-    units = {"length_unit": "mm", "force_unit": "N", "force_on": "terminal"}
-    time = {"time": {"field": "t_s", "unit": "s"}}
-    return {**_rows(log), **time, **units, **_warm(log, "T_hall_degC"), "supports": supports}
+    text, stamps = form == "csv", {"field": "t_s", "unit": "s"}
+    if form == "mcap":
+        _write_messages(path, log)
+        stamps = {"source": "header"}
+    else:
+        fields = (f for s in supports.values() for three in s.values() for f in three)
+        names = ["t_s" if text else "time", *fields, *[warm] * len(log.temperature)]
+        _write_table(path, names, _columns(log, 1e3 if text else 1.0), text=text)
+    block: dict[str, Any] = {"rows": "postures"} if log.rows == "postures" else {}
+    temperature = {"temperature": warm} if log.temperature else {}
+    if form == "parquet":
+        return block | temperature
+    units = {"length_unit": "mm" if text else "m", "force_unit": "N", "force_on": "terminal"}
+    return {**block, "time": stamps, **units, **temperature, "supports": supports}
 
 
-def write_parquet(path: Path, log: Log) -> dict[str, Any]:
-    """SI units and default names (`time`, `<name>.x` … `<name>.fz`), page checksums on.
+def _each(pattern: str, number: int, name: str) -> list[str] | str:
+    """Fields of x, y, z by the pattern of their names; one, where that is for all three."""
+    three = [pattern.format(i=number, name=name, a=a, A=a.upper()) for a in "xyz"]
+    return three if "{a}" in pattern.lower() else three[0]
 
-    Returns the rig file's `log` block: empty where the defaults say it all. Raises UsageError
-    where the signals do not share one clock.
-    """
+
+def _write_table(
+    path: Path, names: Sequence[str], columns: Sequence[FloatArray], *, text: bool
+) -> None:
+    if text:
+        with path.open("w", encoding="ascii", newline="\n") as file:
+            file.write(",".join(names) + "\n")
+            rows = np.column_stack(columns).tolist()
+            file.writelines(",".join(map(repr, row)) + "\n" for row in rows)
+        return
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    members = ("x", "y", "z", "fx", "fy", "fz")
-    names = ["time", *(f"{support}.{member}" for support in log.supports for member in members)]
-    names += ["temperature"] * len(log.temperature)
-    table = pa.table(dict(zip(names, map(as_arrow, _columns(log)), strict=True)))
+    table = pa.table(dict(zip(names, map(as_arrow, columns), strict=True)))
     pq.write_table(table, path, compression="zstd", write_page_checksum=True)
-    return {**_rows(log), **_warm(log, "temperature")}
 
 
-def write_mcap(path: Path, log: Log) -> dict[str, Any]:
-    """Topics `/ncpN/position` (m), `/tdfsN/wrench` (N), N from 1, and `/hall/temperature` (°C).
-
-    Messages come in order of time, in the frames of the exports. Returns the rig file's `log`
-    block that reads them.
-    """
+def _write_messages(path: Path, log: Log) -> None:
+    """Write a recording whose messages come in order of time, in the frames of the exports."""
     topics: list[tuple[str, str, str, int, Series]] = []
     signals = zip(log.supports, log.position, log.force, strict=True)
     for i, (name, position, force) in enumerate(signals, 1):
@@ -101,13 +118,6 @@ def write_mcap(path: Path, log: Log) -> dict[str, Any]:
         for at, s, q in zip(*columns, strict=True):
             data = streams[s][1][q]
             writer.add_message(channels[s], at + LATENCY_NS, data, publish_time=at, sequence=q)
-    supports = {
-        name: {"position": f"/ncp{i}/position.point", "force": f"/tdfs{i}/wrench.wrench.force"}
-        for i, name in enumerate(log.supports, 1)
-    }
-    units = {"length_unit": "m", "force_unit": "N", "force_on": "terminal"}
-    warm = _warm(log, "/hall/temperature.temperature")
-    return {**_rows(log), "time": {"source": "header"}, **units, **warm, "supports": supports}
 
 
 def definition(name: str) -> bytes:
@@ -163,8 +173,8 @@ def _messages(series: Series, frame: str, doubles: int) -> tuple[IntArray, list[
     return stamp, stamped(stamp, frame, value)
 
 
-def _columns(log: Log, scale: FloatArray | float = 1.0) -> list[FloatArray]:
-    """Time, the signals of each support times a scale, and temperatures, (N,) each."""
+def _columns(log: Log, length: float) -> list[FloatArray]:
+    """Time, position times a scale and force of each support, and temperatures, (N,) each."""
     time = log.position[0].time
     for series in (*log.position, *log.force, *log.temperature):
         if not np.array_equal(series.time, time):
@@ -173,16 +183,8 @@ def _columns(log: Log, scale: FloatArray | float = 1.0) -> list[FloatArray]:
                 hint="write MCAP, or simulate with one rate",
             )
     pairs = zip(log.position, log.force, strict=True)
-    signals = np.hstack([series.value for pair in pairs for series in pair]) * scale
-    return [time, *signals.T, *(series.value[:, 0] for series in log.temperature)]
-
-
-def _rows(log: Log) -> dict[str, str]:
-    return {"rows": "postures"} if log.rows == "postures" else {}
-
-
-def _warm(log: Log, field: str) -> dict[str, str]:
-    return {"temperature": field} if log.temperature else {}
+    signals = [part for x, f in pairs for part in (length * x.value.T, f.value.T)]
+    return [time, *np.vstack(signals), *(series.value[:, 0] for series in log.temperature)]
 
 
 SUFFIXES = (".csv", ".parquet", ".mcap")
