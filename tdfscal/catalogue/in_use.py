@@ -185,6 +185,12 @@ reading-absurd warns
   {subject} reads {size} on {axis} at {time:.2f} s, {capacity:beyond its capacity of ~ N|which is a
   hundred times the weight and more}: no contact does that, and the wrench there is none
   -> look at the sensor and its cable at that time; leave it out with --from, --to
+wrench-at-stops warns
+  {stops:at most of its ~ stops|at its only stop} the wrench is larger than the stated uncertainty
+  explains, in {subject}: in {axis} {size}, where {expected:.2g} is stated of a stop's mean (rms)
+  ? bare ; without any calibration it is {bare:.3g}: this may be the calibration of another rig
+  -> if nothing touched there, do not use these wrenches: `tdfscal validate` on this log says what
+    has changed, zeros included
 wrench-large warns
   the median wrench over the log is {size} and {torque:N·m}, {ratio:.2g} times the weight in force
   -> unless that is contact, check log.force_unit, log.force_on, the force fields and the cabling
@@ -254,6 +260,10 @@ path-in-contact rejects
   -> {zeros:if nothing touched it, take the new zeros in|drive it free, or ask which: tdfscal
     validate; where the calibration still holds and zeros have moved, take the new ones in}:
     `{line}`
+path-touched rejects
+  from {begin:.2f} to {end:.2f} s of the log something touched, with {size} and {moment:N·m} about
+  the barycentre, which the thresholds take for noise
+  -> drive the path free of contact; where nothing touched, drive slower
 path-zeros-moved rejects
   {subject}: {size} in {axis} stand on the whole path, as zeros make that have moved since the
   calibration, or a contact that stays: false stops are more than twice as many as asked for

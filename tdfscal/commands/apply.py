@@ -15,6 +15,7 @@ from tdfscal.commands.campaign import PathLike, one
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent, triple, window
 from tdfscal.commands.result import CommandResult
+from tdfscal.detection.path import Largest
 from tdfscal.errors import UsageError
 from tdfscal.files.writers.logs import (
     COLUMNS,
@@ -32,13 +33,15 @@ from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.summaries import wrench_report
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, filter_for, filtered
-from tdfscal.wrench.wrench_noise import LogHead, SampleNoise, with_sample_noise
+from tdfscal.wrench.wrench_noise import LogHead, SampleNoise, StopWrenches, with_sample_noise
 
 if TYPE_CHECKING:
     import pandas as pd
 
 #: What the roots of the mean squares are called.
 _ROOTS = ("rms", "rms_uncalibrated", "std", "std_calibration")
+#: What says already that the wrench is none.
+_ODD = ("wrench-rewired", "wrench-large")
 _DRAWN = ("time", *COMPONENTS, *(f"raw_{name}" for name in COMPONENTS))
 
 
@@ -111,7 +114,7 @@ def apply(
     target, point = one(output), triple("--at", at)
     log = take(calibration, paths, rig, Settings(progress, window(from_, to)), point)
     head, samples = log.passing()
-    totals, noises, columns = Totals(), list[SampleNoise](), None
+    totals, noises, columns = Totals(StopWrenches(head.averaged)), list[SampleNoise](), None
     samples, effect = _behind(filter, head, samples)
     age, moved = log.moved_zeros(head)
     wrenches = with_sample_noise(
@@ -131,7 +134,9 @@ def apply(
         else:
             kept = [columns_of(piece) for piece in numbers_only(totals.passing(wrenches))]
             columns = {name: np.concatenate([part[name] for part in kept]) for name in COLUMNS}
-        found = tuple(log.findings())
+        found = log.findings()
+        if (odd := totals.stops.beyond(noises[0])) and not any(f.code in _ODD for f in found):
+            found.append(odd)
         variance = 0.0 if moved is None else moved(np.array([totals.end])).max()
     summary = {
         "output": None if target is None else str(target),
@@ -139,7 +144,7 @@ def apply(
         "zeros": document(age, "age=seconds age_known=known", moved=np.sqrt(variance)),
         "filter": effect,
     }
-    return ApplyResult(summary, found, target, columns)
+    return ApplyResult(summary, tuple(found), target, columns)
 
 
 def _behind(
@@ -188,13 +193,14 @@ def _about(log: LogInUse, kind: Kind) -> dict[str, str]:
 class Totals:
     """What the summary says of the rows.
 
-    squares : (5, 6), sums of squares of the wrench, of the uncalibrated one, of its standard
-    uncertainty and of the calibration's part of that; of the wrench at the stops, which have
-    still_rows. largest : (2,), lengths. begin, end : s.
+    stops : the wrench at these. squares : (5, 6), sums of squares of the wrench, of the
+    uncalibrated one, of its standard uncertainty and of the calibration's part of that; of the
+    wrench at the stops, which have still_rows. largest : lengths (2,), and when, s. begin, end : s.
     """
 
+    stops: StopWrenches
     squares: FloatArray = field(default_factory=lambda: np.zeros((5, 6)))
-    largest: FloatArray = field(default_factory=lambda: np.zeros(2))
+    largest: Largest = field(default_factory=lambda: Largest(2))
     rows: int = 0
     begin: float = np.nan
     end: float = np.nan
@@ -204,15 +210,15 @@ class Totals:
     def passing(self, pieces: Iterable[Wrenches]) -> Iterator[Wrenches]:
         """Count the pieces of a log as they pass."""
         for piece in pieces:
-            still = piece.value[self.standstill.at(piece.time)]
-            each = (piece.value, piece.raw, piece.std, piece.calibration_std, still)
+            still = self.standstill.at(piece.time)
+            self.stops.add(piece, still)
+            each = (piece.value, piece.raw, piece.std, piece.calibration_std, piece.value[still])
             self.squares += [np.einsum("ka,ka->a", part, part) for part in each]
-            lengths = np.sqrt(np.sum(piece.value.reshape(-1, 2, 3) ** 2, axis=2)).max(axis=0)
-            self.largest = np.maximum(self.largest, lengths)
+            self.largest.add(piece.time, np.linalg.norm(piece.value.reshape(-1, 2, 3), axis=2))
             self.begin = float(piece.time[0]) if not self.rows else self.begin
             self.end = float(piece.time[-1])
             self.rows += len(piece.time)
-            self.still_rows += len(still)
+            self.still_rows += int(still.sum())
             yield piece
 
     def document(self, log: LogInUse, noise: SampleNoise) -> dict[str, Any]:
@@ -232,7 +238,10 @@ class Totals:
             "end": self.end,
             **dict(zip(_ROOTS, roots, strict=True)),
             "stops": stops,
-            "largest": dict(zip(("force", "torque"), self.largest.tolist(), strict=True)),
+            "largest": {
+                **dict(zip(("force", "torque"), self.largest.size.tolist(), strict=True)),
+                **dict(zip(("force_time", "torque_time"), self.largest.when.tolist(), strict=True)),
+            },
             "about": log.point.tolist(),
             "noise": document(noise, "dwells windows", std=std, posture=posture),
         }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import field
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,7 +14,7 @@ import numpy as np
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import LogInUse, take
 from tdfscal.commands.campaign import Campaign, listed
-from tdfscal.commands.log_pass import Settings
+from tdfscal.commands.log_pass import LogPass, Settings, delay_of
 from tdfscal.commands.options import Option, silent, triple
 from tdfscal.commands.result import Calibration, CalibrationSource, CommandResult, read_source
 from tdfscal.detection.capability import (
@@ -37,7 +38,7 @@ from tdfscal.detection.path import (
     unexplained,
 )
 from tdfscal.detection.path import Path as Places
-from tdfscal.errors import DataError, UsageError
+from tdfscal.errors import DataError, TdfscalError, UsageError
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.plan import read_plan
 from tdfscal.findings import Finding, Value, unfit
@@ -47,6 +48,7 @@ from tdfscal.records import BoolArray, FloatArray
 from tdfscal.reporting.layout import Drawing, Report, document, each_named, utc
 from tdfscal.reporting.summaries import UNITS, capability_report
 from tdfscal.reporting.traceability import Making, calibration_fact, exact_names
+from tdfscal.validation.in_motion import validate_moving
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.wrench_noise import by_sensor
 
@@ -175,7 +177,7 @@ class FreePath:
 
 
 def _recorded(log: LogInUse, cutoff: float | None) -> FreePath:
-    """Read a log under a calibration, once, in bounded memory.
+    """Read a log under a calibration, in bounded memory.
 
     Raises DataError where it holds no instant, UsageError for a filter beyond its sampling rate.
     """
@@ -207,7 +209,8 @@ def _recorded(log: LogInUse, cutoff: float | None) -> FreePath:
     stand = errors(log.given, places, zeros, _scatter(log))
     time, value = (np.concatenate(parts) for parts in zip(*begun, strict=True))
     rest = [] if head.averaged else list(head.dwells(time))
-    if not head.averaged and len(time) > 1 and not serving(rest, interval or 1.0, cutoff):
+    moving = not head.averaged and len(time) > 1 and not serving(rest, interval or 1.0, cutoff)
+    if moving:
         value = unexplained(stand, places, time, value)
     if head.averaged:
         time, value = time[:0], value[:0]
@@ -223,8 +226,20 @@ def _recorded(log: LogInUse, cutoff: float | None) -> FreePath:
         moved=moved,
         by_zeros=explained_by_zeros(log.given, places, points.resting(places.time), stand),
         in_motion=not averaged and not len(head.start),
-        findings=tuple(log.findings()),
+        findings=(*log.findings(), *(_touched(log) if moving else ())),
     )
+
+
+def _touched(log: LogInUse) -> Iterator[Finding]:
+    """Name what touches a motion, where its noise is measured: contact would pass for noise.
+
+    It is found as `validate` finds it, in a second reading of the log.
+    """
+    with suppress(TdfscalError):  # too short a motion, as a rule, to tell of it
+        slow = LogPass(log.campaign, log.settings).moving()
+        for found in validate_moving(log.given, slow, delay_of(log.campaign.rig)).findings:
+            if found.code == "stretch-touched":
+                yield replace(found, code="path-touched", rejects=True)
 
 
 def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) -> FreePath | None:

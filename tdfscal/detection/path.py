@@ -123,16 +123,20 @@ class Path:
 
 @dataclass(slots=True)
 class Largest:
-    """Largest components of a wrench (6,), N and N·m, and when, s."""
+    """Largest size (C,) of each of some things, a wrench's six components, and when, s."""
 
-    size: FloatArray = field(default_factory=lambda: np.zeros(6))
-    when: FloatArray = field(default_factory=lambda: np.full(6, np.nan))
+    of: int = 6
+    size: FloatArray = field(init=False)
+    when: FloatArray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.size, self.when = np.zeros(self.of), np.full(self.of, np.nan)
 
     def add(self, time: FloatArray, size: FloatArray) -> None:
-        """Take in sizes (N, 6) at times (N,)."""
+        """Take in sizes (N, C) at times (N,)."""
         if len(time):
             place = np.argmax(size, axis=0)
-            new = size[place, np.arange(6)]
+            new = size[place, np.arange(self.of)]
             self.when = np.where(new > self.size, time[place], self.when)
             self.size = np.maximum(self.size, new)
 

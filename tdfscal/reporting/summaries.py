@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.numbers import measured, places, quantity, rounded, to_place, with_std
+from tdfscal.catalogue.numbers import measured, places, quantity, rounded, to_place, when, with_std
 from tdfscal.findings import Finding, rejecting, unfit
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
@@ -86,8 +86,12 @@ def wrench_report(summary: dict[str, Any], findings: Sequence[Finding] = ()) -> 
 
 def _said(summary: dict[str, Any]) -> Iterator[str]:
     """How large the wrench is, what part is motion, how its noise is known, the zeros' age."""
-    force, torque = (measured(summary["largest"][name], 3) for name in ("force", "torque"))
-    yield f"The largest force is {force} N, the largest torque {torque} N·m."
+    largest = summary["largest"]
+    force, torque = (
+        f"{measured(largest[name], 3)} {unit} at {when(largest[f'{name}_time'])}"
+        for name, unit in (("force", "N"), ("torque", "N·m"))
+    )
+    yield f"The largest force is {force}, the largest torque {torque}."
     if summary["stops"] is not None:
         share = summary["stops"]["rows"] / summary["rows"]
         yield (
@@ -135,7 +139,7 @@ def capability_report(
     sizes = {"threshold": found.threshold, "smallest contact": found.smallest_contact}
     columns = {name: [_number(v) for v in of] for name, of in sizes.items()}
     for name, share in found.shares.items():
-        columns[name] = [_number(v, ".0%", "–") for v in share]
+        columns[name] = ["< 1 %" if 0.0 < v < 0.01 else _number(v, ".0%", "–") for v in share]
     blocks: tuple[Block, ...] = (_by_component(columns), *_noise(found, request))
     unstated = any(f.code == "path-inertia-unknown" for f in findings)
     most = (_most(found, request, c, unstated) for c in found.worst)

@@ -1,5 +1,8 @@
 """What adds to the uncertainty of a contact wrench after the calibration: noise, moved zeros.
 
+By all of it the wrench at stops is held against chance: what is larger at most of them is contact
+there, or no calibration of this rig as it is.
+
 The scatter of the wrench itself within static dwells holds the noise of all channels with their
 correlation, what a filter leaves of it, and the noise of accelerations. What is slower than a
 dwell shows in the residuals of the calibration's own postures, and in what the rig file declares.
@@ -19,22 +22,28 @@ It grows with the logarithm of the age, as far as the spectrum goes on as it is.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from itertools import chain
 
 import numpy as np
 
 from tdfscal.dwells import dwells_of_bins, reduce_to_bins
 from tdfscal.errors import TdfscalError
+from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.model.calibrated import Calibrated
 from tdfscal.model.postures import ZeroAge
 from tdfscal.model.samples_in_motion import Samples
 from tdfscal.model.statics import wrench
+from tdfscal.numerics.distributions import normal_quantile
 from tdfscal.records import BoolArray, Drift, FloatArray, Log, Series
-from tdfscal.wrench.contact_wrench import Wrenches
+from tdfscal.significance import CONTACT_ON_PATH
+from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 
 #: Where nothing rests: windows whose scatter about a parabola counts, s and samples at least.
 _WINDOW, FEWEST = 0.5, 32
+#: Time after a move in which forces settle, s.
+_SETTLED = 1.0
 #: Samples that the noise is measured on.
 HEAD = 65_536
 #: Differences of neighbouring means per channel behind an Allan variance, at least.
@@ -105,11 +114,13 @@ def _searched(head: Samples, supports: tuple[str, ...], *, averaged: bool) -> Lo
 class SampleNoise:
     """Standard deviation (6,) of a sample's contact wrench by its own noise, N and N·m, LCS.
 
-    NaN where the samples are too few to show any. dwells : static dwells behind it; without any it
-    is the scatter of `windows` short windows, which noise slower than these escapes.
+    NaN where the samples are too few to show any. slow_std : of it what stays in the mean of a
+    stop. dwells : static dwells behind it; without any it is the scatter of `windows` short
+    windows, which noise slower than these escapes.
     """
 
     std: FloatArray
+    slow_std: FloatArray
     dwells: int
     windows: int
 
@@ -168,7 +179,65 @@ def _noise(held: list[Wrenches], head: LogHead, each: FloatArray, slow: float) -
         variance, windows = squares / sum(r.stop - r.start for r in rows), 0
     else:
         variance, windows = scatter_in_windows(time, value)
-    return SampleNoise(np.sqrt(variance + lost * each), len(rows), windows)
+    kept = lost * each
+    return SampleNoise(np.sqrt(variance + kept), np.sqrt(kept), len(rows), windows)
+
+
+@dataclass(slots=True)
+class StopWrenches:
+    """Mean wrenches of the stops of a log, each from a while after the last move on.
+
+    averaged : each row is a stop by itself.
+    """
+
+    averaged: bool
+    _moved: float = -np.inf
+    _sums: list[FloatArray] = field(default_factory=list)
+
+    def add(self, piece: Wrenches, still: BoolArray) -> None:
+        """Take in the wrenches of a piece; which (N,) of its samples lie at a stop."""
+        time, each = piece.time, [piece.value, piece.raw, piece.std**2]
+        moved = np.append(self._moved, np.where(still, -np.inf, time))
+        since = np.maximum.accumulate(moved)[1:]
+        self._moved, rests = float(since[-1]), still & (time - since > _SETTLED)
+        if self.averaged:
+            since, rests = time, np.ones_like(still)
+        rows = np.column_stack([np.ones_like(time), *each])[rests]
+        self._sums += [np.column_stack(_by_stop(since[rests], rows))] if len(rows) else []
+
+    def beyond(self, noise: SampleNoise) -> Finding | None:
+        """Name the components that are beyond chance at half of the stops and more.
+
+        At most of these there is no contact, as a rule; the error of a calibration is common to
+        all, so that each stop is asked at the level of the whole log.
+        """
+        if not self._sums:
+            return None
+        stop, *sums = np.concatenate(self._sums).T
+        count, total = np.split(_by_stop(stop, np.array(sums).T)[1], [1], axis=1)
+        value, raw, variance = np.split(total / count, 3, axis=1)
+        slow, fast = noise.slow_std**2, noise.std**2 - noise.slow_std**2
+        std = np.sqrt(variance - noise.std**2 + slow + fast / count)
+        ratio = np.median(np.abs(value) / std, axis=0)
+        far = ratio > normal_quantile(1.0 - CONTACT_ON_PATH / (2 * len(ratio)))
+        if not far.any():
+            return None
+        worst = int(np.argmax(np.where(far, ratio, 0.0)))
+        size, bare, stated = (float(np.sqrt(np.mean(v[:, worst] ** 2))) for v in (value, raw, std))
+        values: dict[str, Value] = {
+            "axis": COMPONENTS[worst],
+            "expected": stated,
+            "stops": len(count),
+        }
+        values["bare"] = bare if bare < size else None
+        axes = tuple(name for name, there in zip(COMPONENTS, far, strict=True) if there)
+        return Finding("wrench-at-stops", axes, size, "N" if worst < 3 else "N·m", values=values)
+
+
+def _by_stop(stop: FloatArray, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Stops (K,) that follow each other, and the sums (K, c) of the rows of each."""
+    first = np.flatnonzero(np.append(True, stop[1:] != stop[:-1]))
+    return stop[first], np.add.reduceat(rows, first, axis=0)
 
 
 def scatter_in_windows(time: FloatArray, value: FloatArray) -> tuple[FloatArray, int]:

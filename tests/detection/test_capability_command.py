@@ -146,18 +146,29 @@ def test_zeros_that_moved_show_in_motion(
 ) -> None:
     """3 N on one channel, below the thresholds: false stops grow, and `update` mends it.
 
-    The one stop of an approach is too short for the noise behind a filter; the way shows it.
+    The one stop of an approach is too short for the noise behind a filter; the way shows it, and
+    must not take 6 s of contact for noise.
     """
     truth = campaign(make_rig()).truth
     moving = simulate_moving(make_rig(), drive, np.random.default_rng(3), truth)
-    for size in (0.0, 3.0):
-        value = moving.log.force[0].value + np.array([size, 0.0, 0.0])
-        shifted = (Series(moving.log.force[0].time, value), *moving.log.force[1:])
+    time = moving.log.force[0].time
+    during = (np.abs(time - 23.0) < 3.0)[:, None]
+    for size in (0.0, 3.0, *([] if cutoff is None else [40.0])):
+        push = [[size, 0.0, 0.0], [0.0] * 3, [0.0] * 3] if size < 40.0 else [[0, 0, size / 3]] * 3
+        shifted = tuple(
+            Series(s.time, s.value + (during if size == 40.0 else 1.0) * np.array(by))
+            for s, by in zip(moving.log.force, push, strict=True)
+        )
         folder = tmp_path / f"{size}"
         shifted_log = replace(moving.log, force=shifted)
         played = Run("motion", moving.rig, truth, None, None, replace(moving, log=shifted_log))
         write_run(played, folder, format="parquet")
         found = tdfscal.capability(places.calibration, folder, filter=cutoff)
+        if size == 40.0:
+            (touched,) = (told(f) for f in found.findings if f.code == "path-touched")
+            assert "from 20.00 to 26.00 s" in touched
+            assert found.exit_status == 1
+            continue
         said = [told(f) for f in found.findings if f.code == "path-zeros-moved"]
         assert found.exit_status == len(said) == bool(size)
         assert all("tdfscal update" in each for each in said)

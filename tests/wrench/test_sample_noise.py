@@ -7,12 +7,18 @@ import pytest
 from scipy.signal import lfilter
 
 from tdfscal.model.calibrated import about_point
-from tdfscal.model.samples_in_motion import Tally, aligned
+from tdfscal.model.samples_in_motion import Tally, aligned, still
+from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_campaign
 from tdfscal.wrench.contact_wrench import at_rest, wrenches
 from tdfscal.wrench.filtering import filter_for, filtered
-from tdfscal.wrench.wrench_noise import SampleNoise, take_head, with_sample_noise
+from tdfscal.wrench.wrench_noise import (
+    SampleNoise,
+    StopWrenches,
+    take_head,
+    with_sample_noise,
+)
 
 from .held_out import RIG, world
 
@@ -34,13 +40,13 @@ def noise(kind: str, rng: np.random.Generator, count: int) -> FloatArray:
     return np.asarray((0.02 if kind == "resolution" else 2.0) * white)
 
 
-def log(kind: str, seed: int) -> tuple[Log, FloatArray, FloatArray]:
+def log(kind: str, seed: int, touched: int = POSTURES // 2) -> tuple[Log, FloatArray, FloatArray]:
     """A log of the rig that was calibrated, its dwells' begins and ends; the last ones touched."""
     recorder = Recorder(
         dwell=(4.0, 5.0), move=(1.5, 2.0), force_rate=RATE, position_rate=RATE,
         force_sd=(0.0, 0.0),
     )  # fmt: skip
-    contacts = tuple(Contact(k, FORCE) for k in range(POSTURES // 2, POSTURES))
+    contacts = tuple(Contact(k, FORCE) for k in range(POSTURES - touched, POSTURES))
     options = Options(
         postures=POSTURES, squeeze=200.0, recorder=recorder, faults=Faults(contacts=contacts)
     )
@@ -92,6 +98,27 @@ def test_samples_lie_within_their_uncertainty(kind: str, smoothed: bool) -> None
     # u² that a few dozen draws of six components make uncertain by some tenth.
     assert np.mean(np.abs(z) < 1.96) > 0.93
     assert np.sqrt(np.mean(z**2)) == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("turn", "touched", "told"), [(0.0, 0, False), (0.0, 4, False), (0.0, 9, True), (2e-3, 0, True)]
+)
+def test_a_wrench_at_most_stops_is_told_and_a_touch_at_some_is_not(
+    turn: float, touched: int, told: bool
+) -> None:
+    rotation = GIVEN.state.rotation.copy()
+    rotation[1] = so3.exp(np.array([turn, 0.0, 0.0])) @ rotation[1]
+    given = replace(GIVEN, state=replace(GIVEN.state, rotation=rotation))
+    (piece,) = aligned([log("white", 1, touched)[0]], Tally())
+    head, samples = take_head([piece], RIG.supports, averaged=False)
+    assert head is not None
+    stops, noises = StopWrenches(averaged=False), list[SampleNoise]()
+    for found in with_sample_noise(
+        at_rest(given, samples), head, given,
+        posture_std=0.0, zero_variance=None, tell=noises.append,
+    ):  # fmt: skip
+        stops.add(found, still(piece))
+    assert (stops.beyond(noises[0]) is not None) == told
 
 
 def test_without_the_noise_samples_would_not() -> None:
