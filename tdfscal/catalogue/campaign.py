@@ -188,8 +188,8 @@ range-exceeded warns
   by the other readings the {axis} axis of the sensor of {subject} would read up to {size} where it
   is cut off, {excess:N} beyond its range
   -> {share:squeeze with at most ~ of these forces|lean or carry less, since the load alone exceeds
-    it}, or widen the range of sensor and amplifier to {range:N} (or state the true `capacity` in
-    rig.yaml)
+    it}, or widen the range of sensor and amplifier to {range:N} (or correct `capacity` of {subject}
+    in rig.yaml)
 posture-frozen warns
   the {axis} axis of the sensor of {subject} is frozen at {reading:.6g} N{time:time}
   ? since since {since:when}

@@ -94,7 +94,7 @@ def _to_measure(c: Calibration) -> Iterator[str]:
     if len(names) > _KEYS:
         keys = f"{len(names)} keys, which `tdfscal report` lists"
     if names:
-        yield f"State in rig.yaml how well these are known: {keys}."
+        yield f"State in rig.yaml: {keys}."
 
 
 def _to_mend(c: Calibration) -> Iterator[str]:
@@ -107,6 +107,7 @@ def _to_mend(c: Calibration) -> Iterator[str]:
     if touched := [r for r in rejected if r.code not in SPOILT]:
         yield f"Look what touched the terminal at {numbers(touched)}."
     yield from (begun(said, ".") for said in tuple(_of_the_sensors(c, rejected))[:1])
+    yield from (begun(found.cure or "", ".") for found in c.found("dwells-few", "postures-few"))
 
 
 def _proof(c: Calibration) -> str:
@@ -120,7 +121,7 @@ def _proof(c: Calibration) -> str:
         named = re.search(r"(?:-o|--output)[= ]('[^']+'|[^ '-][^ ]*)", c.command)
         usual = "calibration.yaml" if c.command.startswith("tdfscal calibrate") else "CALIBRATION"
         how = f"tdfscal validate {named[1] if named else usual} LOG"
-    return f"Check it on {new}, now and every month: `{how}`"
+    return f"Check {new} every month: `{how}`"
 
 
 def _to_improve(c: Calibration) -> Iterator[str]:
@@ -145,7 +146,7 @@ def _forecasts(c: Calibration) -> Iterator[str]:
         found.append((f.worst_std / worst, _CHANGES[f.change].format(amount, _bearable(c))))
     if seen.with_moves is not None and not c.campaigns and not c.found("moves-add-nothing"):
         share = seen.with_moves / float(np.sqrt(np.mean(c.rpy_std[c.determined] ** 2)))
-        found.append((share, "with `--samples all`, which uses the moves between the stops"))
+        found.append((share, "with `--samples all`"))
     for share, change in sorted(found):
         if share < _WORTH:
             yield f"{two_digits(half * share)} {change}"
@@ -190,7 +191,7 @@ def _suspected(c: Calibration) -> list[FindingResult]:
 
 def _of_the_sensors(c: Calibration, rejected: Iterable[RejectedPosture]) -> Iterator[str]:
     """Postures that the sensors themselves spoilt."""
-    yield from (f"{found.cure}: {found.text}" for found in c.found("range-exceeded")[:1])
+    yield from (found.cure or "" for found in c.found("range-exceeded")[:1])
     first: dict[str, str] = {}
     for r in sorted(rejected, key=lambda r: r.code == "posture-frozen"):
         if r.code in SPOILT and CATALOGUE[r.code].cure:

@@ -124,7 +124,7 @@ def _reasons(c: Calibration) -> Iterator[str]:
     """Why the gate rejects, of all angles that are too uncertain the worst; what was left out."""
     uncertain = sorted(c.found("angle-uncertain"), key=lambda found: -(found.size or 0.0))
     if not c.accepted:
-        yield from (found.text for found in c.found("postures-few"))
+        yield from (found.text for found in c.found("postures-few", "range-exceeded"))
     for found in uncertain[:1]:
         more = f"; so have {count(len(uncertain) - 1, 'other angle')}" * (len(uncertain) > 1)
         yield f"{found.text}{more}"

@@ -148,10 +148,12 @@ def _not_counted(c: Calibration) -> str:
         off = ":" if said else " off moves an angle by"
         move = measured(1e3 * np.max(q.effect))
         said.append(f"{exact_name(c, q.name)} ({_typical_error(q)}{off} {move} mrad)")
-    more = [f"{len(uncounted(c)) - len(each)} more"] * (len(uncounted(c)) > len(each))
-    more += [f"{len(others)} more of unknown effect" for others in [without_effect(c)] if others]
-    first = f"Taken as exact, not counted: {', '.join(said + more)}"
-    return f"{first}." if counted == within(c) else f"{first}; if so, reckon with {counted}."
+    said += [f"{len(uncounted(c)) - len(each)} more"] * (len(uncounted(c)) > len(each))
+    first = f"Taken as exact, not counted: {', '.join(said)}"
+    if counted != within(c):
+        first += f"; if so, reckon with {counted}"
+    others = len(without_effect(c))
+    return f"{first}. {others} more are of unknown effect." if others else f"{first}."
 
 
 def _trusted(c: Calibration) -> Iterator[str]:
@@ -220,13 +222,13 @@ def _typical_error(of: ExactQuantityResult) -> str:
 def _rests_on(c: Calibration) -> str:
     """How much went in, and how it fits."""
     parts = []
+    contact = "" if c.method == "tracker" else " A contact constant in the BCS would not show."
     if c.motion is not None:
         few = (f", since {found.size:.0f} dwells are too few" for found in c.found("dwells-few"))
         without = _without(c.motion.rejected, lambda some: f"{covered(some):.1f} s")
         parts.append(f"{c.motion.seconds:.0f} s of motion{''.join(few)}{without}")
     if c.fit is not None and (c.motion is None or c.fit.postures):
         parts.append(f"{count(c.fit.postures, 'posture')}{_without(c.fit.rejected, numbers)}")
-    contact = " A contact force constant in the BCS would pass for zeros or load." if parts else ""
     if c.tracker is not None:
         alone = " alone, since the log of the rig file is missing" if c.found("log-missing") else ""
         parts.append(f"{c.tracker.points} points of the tracker{alone}")
@@ -268,4 +270,5 @@ def _limited_by(c: Calibration) -> str:
     name, share = largest_source(c, int(np.argmax(c.rpy_std[c.determined].ravel())))
     if share in (0.0, 1.0) or (name == EARLIER and not c.history):  # no campaign in particular
         return ""
-    return f"Largest uncertainty: {SOURCES.get(name, (name, ''))[0]} ({share:.0%})."
+    said = SOURCES.get(name, (name, ""))[0]
+    return f"Largest share of the worst angle: {said} ({share:.0%})."

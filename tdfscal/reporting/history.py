@@ -22,7 +22,7 @@ from tdfscal.reporting.figures import date_of
 from tdfscal.reporting.layout import Drawing, Facts, Report, Section, Table, by_angle
 from tdfscal.reporting.several import mrad_with
 from tdfscal.reporting.traceability import FIXED, Making, campaign, certificates
-from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, LONGEST_INTERVAL
+from tdfscal.significance import DETECTION_POWER, LONGEST_INTERVAL
 
 #: Codes of campaigns that take no part; and of what makes one worth its own headline.
 _NO_PART = ("campaign-unsound", "campaign-unusable", "campaign-left-out")
@@ -202,8 +202,8 @@ def _facts(life: Life, alarms: tuple[Alarm, ...], lost: int, due: str) -> Iterat
     yield "checks", f"{len(life.names)}{time}" + f"; {lost} more left out" * bool(lost)
     yield "alarms", f"{len(alarms)}" + " in the checks judged" * bool(lost)
     yield "false alarms", f"at most {rounded(life.rate)} a year while nothing changes"
-    seen = f"{_smallest(life)} (by the last check alone, with {DETECTION_POWER:.0%} probability)"
-    yield "smallest turn seen", seen
+    seen = f"{_smallest(life)} (by the last check alone, at once, with {DETECTION_POWER:.0%} "
+    yield "turn surely seen", f"{seen}probability; smaller ones later, or by chance)"
     stated = f"the rig file states {rounded(1e3 * life.declared)} mrad/√month"
     walk = f"{stated}; checks or days are too few to estimate it"
     if life.walk is not None:
@@ -252,7 +252,7 @@ def _angles(life: Life) -> Table:
     )
     names = zip(life.supports, life.known, strict=True)
     rows += tuple((name, "undetermined", "") for name, seen in names if not seen)
-    caption = f"By all checks together, mrad, k = {COVERAGE_FACTOR:g}"
+    caption = "By all checks together, mrad, 95 %"
     return Table(caption, ("sensor", "angle", "now"), rows, left=2)
 
 

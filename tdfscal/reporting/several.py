@@ -16,6 +16,7 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.reporting import layout
 from tdfscal.reporting.headline import within
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Section, Table, by_angle, mrad
@@ -30,12 +31,12 @@ from tdfscal.reporting.traceability import (
 )
 from tdfscal.significance import COVERAGE_FACTOR, DETECTION_POWER, INCOMPATIBLE
 
-_K = f"k = {COVERAGE_FACTOR:g}"
+_U = f"k = {COVERAGE_FACTOR:g}"
 _RULE = (
     "Two calibrations are compatible where neither the χ² of all differences together nor that of "
     "any sensor by itself is less probable than {limit}, so that of sound calibrations "
     f"{INCOMPATIBLE:.0%} at most are called incompatible. E_n, a difference divided by its "
-    f"expanded uncertainty U ({_K}), only shows where they differ: of many angles some exceed 1 by "
+    f"expanded uncertainty U ({_U}), only shows where they differ: of many angles some exceed 1 by "
     "chance. A change of one angle as large as in the column detectable would have been seen with "
     f"{DETECTION_POWER:.0%} probability. Both count as independent: what "
     "both state alike (gains, hinges, load) is in both uncertainties, so that fewer are called "
@@ -115,7 +116,9 @@ def several_report(view: Several, making: Making, drawings: tuple[Drawing, ...] 
         accepted=view.verified,
         provisional=any(c.status == "provisional" for _, c in view.named),
         claim=" ".join(said) if view.verified else "",
-        reasons=() if view.verified else said,
+        reasons=tuple(
+            text for text, pair in zip(said, view.comparisons, strict=True) if not pair.verified
+        ),
         summary=(files, *pairs),
         sections=(
             Section("Calibrations", (files,)),
@@ -167,13 +170,13 @@ def _angles(view: Several) -> Table:
     each = [in_order_of(order, c.rotations()) for _, c in view.named]
     cells = [mrad_with(so3.to_rpy(one.rotation), rpy_std(one)) for one in each]
     header = ("sensor", "angle", *layout.short([name for name, _ in view.named]))
-    caption = f"Angles in mrad with expanded uncertainty, {_K}"
+    caption = "Angles, mrad, 95 %"
     return Table(caption, header, by_angle(order.supports, *cells), left=2)
 
 
 def mrad_with(value: Any, std: Any, sign: str = "") -> layout.Cell:
-    """Cells of values (n, 3), rad, in mrad with their expanded uncertainty."""
-    return lambda i, j: with_std(1e3 * value[i, j], 1e3 * COVERAGE_FACTOR * std[i, j], sign)
+    """Cells of values (n, 3), rad, in mrad with half their 95 % intervals."""
+    return lambda i, j: with_std(1e3 * value[i, j], 1e3 * INTERVAL_FACTOR * std[i, j], sign)
 
 
 def _pair(c: Comparison) -> tuple[Block, ...]:
@@ -183,8 +186,8 @@ def _pair(c: Comparison) -> tuple[Block, ...]:
         rows = by_angle(c.supports, mrad(c.rpy, "+.2f"))
         return (Table(caption, ("sensor", "angle", "difference"), rows, left=2),)
     cells = (mrad_with(c.rpy, c.rpy_std, "+"), _marked(c.en), mrad(c.detectable, ".2f"))
-    header = ("sensor", "angle", "difference ± U", "E_n", "detectable")
-    table = Table(f"{caption}, {_K}", header, by_angle(c.supports, *cells), left=2)
+    header = ("sensor", "angle", "difference", "E_n", "detectable")
+    table = Table(f"{caption}, 95 %", header, by_angle(c.supports, *cells), left=2)
     return (
         table,
         f"All angles together: {layout.chi_squared(c.chi2, c.dof, c.p_value)}. The sensor that "

@@ -120,7 +120,10 @@ def exact_names(c: Calibration) -> str:
     """What has no uncertainty in the rig file, and so none in the result."""
     names = [exact_name(c, q.name) for q in c.taken_as_exact] + without_effect(c)
     if c.method != "tracker":
+        names.append("no contact force constant in the BCS, which would pass for zeros or load")
         names.append("magnitude of gravity, which scales the mass and hardly turns an angle")
+    if any(support.sensitivity is not None for support in c.supports):
+        names.append("symmetry of gain and crosstalk: what is not symmetric counts as rotation")
     return "; ".join(names) or "nothing"
 
 
@@ -261,14 +264,16 @@ def campaign(
     facts: Iterable[tuple[str, str | None]], rig: Rig, title: str = "Campaign and sensors"
 ) -> Section:
     """What is told of a campaign and its sensors, and what is not."""
-    said = tuple((name, text or _NOT_STATED) for name, text in facts)
-    return Section(title, (Facts((*said, *_papers(rig))),))
+    rows = (*facts, *_papers(rig))
+    lacking = ", ".join(name for name, text in rows if not text)
+    said = [(name, text) for name, text in rows if text]
+    return Section(title, (Facts((*said, *[("Not stated", lacking)] * bool(lacking))),))
 
 
-def _papers(rig: Rig) -> tuple[tuple[str, str], ...]:
+def _papers(rig: Rig) -> tuple[tuple[str, str | None], ...]:
     """Serial number and certificate of each sensor."""
     if all(one == SensorInfo() for one in rig.sensors):
-        return (("Sensors", f"serial numbers and certificates {_NOT_STATED}"),)
+        return (("Serial numbers and certificates of the sensors", None),)
     papers = ("serial number", "certificate", "due")
     known = ((one.serial, one.certificate, one.due) for one in rig.sensors)
     said = (

@@ -19,6 +19,7 @@ from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import Budget
 from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import style
 from tdfscal.reporting.figures.style import (
@@ -29,7 +30,6 @@ from tdfscal.reporting.figures.style import (
     logarithmic,
     signed,
 )
-from tdfscal.significance import COVERAGE_FACTOR
 
 #: Letters that fit below one of two panels.
 _LETTERS = 48
@@ -73,9 +73,9 @@ def draw(c: Calibration) -> Drawing:
     return Drawing(
         "angles",
         "Installation angles",
-        f"{ANGLES[j].capitalize()} of {c.mounted[i].name} is known to "
-        f"{measured(1e3 * std[i, j])} mrad, the least well; {ANGLES[b]} of {c.mounted[a].name} to "
-        f"{measured(1e3 * std[a, b])} mrad, the best (standard uncertainties).",
+        f"Standard uncertainties from {measured(1e3 * std[a, b])} mrad ({ANGLES[b]} of "
+        f"{c.mounted[a].name}) to {measured(1e3 * std[i, j])} mrad ({ANGLES[j]} of "
+        f"{c.mounted[i].name}){'' if c.accepted else ', were the result sound'}.",
         lambda: _paint(c),
     )
 
@@ -113,7 +113,7 @@ def _gate(ax: Axes, limit: float, widest: float, covered: str) -> None:
 
 
 def differences(pairs: Sequence[Comparison]) -> Drawing:
-    """Differences of the angles with their expanded uncertainty, k = 2, a whisker per pair."""
+    """Differences of the angles with half their 95 % intervals, a whisker per pair."""
     least = min(pairs, key=lambda pair: pair.p_value)
     title = " and ".join(
         dict.fromkeys(f"{pair.names[0]} against {pair.names[1]}" for pair in pairs)
@@ -132,14 +132,14 @@ def _differences(pairs: Sequence[Comparison]) -> Figure:
     for k, pair in enumerate(pairs):
         y = place + (k - 0.5 * (len(pairs) - 1)) * step
         value = 1e3 * pair.rpy.ravel()
-        half = np.nan_to_num(1e3 * COVERAGE_FACTOR * pair.rpy_std.ravel())  # of no two results
+        half = np.nan_to_num(1e3 * INTERVAL_FACTOR * pair.rpy_std.ravel())  # of no two results
         beyond = pair.en.ravel() > 1.0
         for which, colour in ((~beyond, style.BLUE), (beyond, style.RED)):
             ax.errorbar(value[which], y[which], xerr=half[which], color=colour, **_WHISKERS)
         for x, at in zip(value + half, y, strict=True):
             if len(pairs) > 1:
                 beside(ax, PurePath(pair.names[0]).name, x, at, 4)
-    ax.set_xlabel("difference with expanded uncertainty (k = 2), mrad; red: E_n above 1")
+    ax.set_xlabel("difference, mrad, 95 %; red: E_n above 1")
     return fig
 
 

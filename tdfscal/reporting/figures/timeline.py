@@ -22,10 +22,10 @@ from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import DwellTable, PostureTable
 from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.numerics import so3
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.figures import clock, date_of, style
 from tdfscal.reporting.figures.style import Drawing, legend_above, legend_outside, panels
-from tdfscal.significance import COVERAGE_FACTOR
 
 #: Labels of panels: of each axis of the sensors, and of the contact wrench.
 _FORCES, _WRENCH = ("Fx, N", "Fy, N", "Fz, N"), ("force, N", "torque, N·m")
@@ -152,9 +152,9 @@ def _paint_chart(life: Life, i: int, own: list[Alarm]) -> Figure:
     axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
     dot: dict[str, Any] = {"marker": "o", "linestyle": "", "markersize": 4}
     keys = [
-        Line2D([], [], color=style.BLUE, label="check, k = 2", **dot),
+        Line2D([], [], color=style.BLUE, label="check, 95 %", **dot),
         Line2D([], [], color=style.BLACK, linewidth=1.2, label="smoothed path"),
-        Patch(**_BAND, label="its band, k = 2"),
+        Patch(**_BAND, label="its band, 95 %"),
         Line2D([], [], color=style.GREY, linestyle="--", linewidth=0.9, label="mean ± limit"),
         Line2D([], [], linewidth=1.2, label="step", **_ALARMS[False]),
         Line2D([], [], linewidth=1.2, label="creep", **_ALARMS[True]),
@@ -170,7 +170,7 @@ def _angle(ax: Axes, life: Life, i: int, j: int, dates: Dates) -> None:
         1e3 * so3.wrapped(angle[:, i, j] - life.mean[0, i, j])
         for angle in (life.path, life.mean, life.rpy)
     )
-    band, half = (1e3 * COVERAGE_FACTOR * std[:, i, j] for std in (life.path_std, life.rpy_std))
+    band, half = (1e3 * INTERVAL_FACTOR * std[:, i, j] for std in (life.path_std, life.rpy_std))
     limit = 1e3 * life.limit[:, i, j]
     ax.fill_between(dates, path - band, path + band, **_BAND)
     ax.plot(dates, path, color=style.BLACK, linewidth=1.2)
