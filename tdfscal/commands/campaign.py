@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import os
-import re
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tdfscal.errors import DataError, RigError, UsageError, expect
 from tdfscal.files import RIG_NAME
-from tdfscal.files.outputs import protect
+from tdfscal.files.outputs import CALIBRATION, RIG, own_kind, protect
 from tdfscal.files.rig.reading import LoadedRig, load_rig
 from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.yaml import as_path, nearest
@@ -30,27 +28,9 @@ if TYPE_CHECKING:
 PathLike = str | os.PathLike[str]
 PathLikes = PathLike | Sequence[PathLike]
 
-FOLDER, RIG, CALIBRATION = "a folder", "a rig file", "a calibration"
-LOG, RESULT = "a log", "another result of tdfscal"
-#: How results of tdfscal begin, but for quotes: tables by their first line, documents by their
-#: format or command, pages, exports and drafts by what wrote them.
-_OWN = re.compile(
-    rb"""\A(?:\#[ ]tdfscal[ ]|time,fx,fy,fz,mx,my,mz,u_fx,|sensor,r_xx,r_xy,)
-    | \A\{\s*command:[ ]tdfscal[ .]
-    | \A(?s:.{0,230})tdfscal[ ]contact[ ]wrench
-    | \btdfscal[ ]\d[^\s,]*,[ ]\w+[ ]calibration[ ]of[ ]
-    | <meta[ ]name=generator[ ]content=tdfscal[ ]
-    | ^[ ]*format:[ ]*tdfscal-
-    | ^\#[ ]Drafted[ ]by[ ]`tdfscal[ ]""",
-    re.VERBOSE | re.MULTILINE,
-)
-#: The format of a whole document, not of what it embeds.
-_FORMAT = re.compile(rb"(?:\A\{\s*|^ ?)format:\s*tdfscal-(rig|calibration)/", re.MULTILINE)
+FOLDER, LOG = "a folder", "a log"
 _DOCUMENTS = (".yaml", ".yml", ".json")
-_HEAD, _TAIL = 1 << 14, 1 << 16
 _DAY = 86400.0
-#: What stands at the end of a Parquet file of contact wrenches.
-_QUANTITY = b"contact wrench on the terminal: force, and moment"
 _WANTED = {RIG: "name the folder of the logs, or give it by --rig",
            CALIBRATION: "name a campaign folder, or its logs"}  # fmt: skip
 _KINDS = (
@@ -60,29 +40,10 @@ _KINDS = (
 
 
 def kind_of(path: Path) -> str:
-    """Tell what a path leads to: results of tdfscal by their ends, a log by its name.
-
-    FOLDER, RIG, CALIBRATION, RESULT, LOG, or nothing for another file. A pipe is not opened: that
-    might never end.
-    """
+    """Tell what a path leads to: FOLDER, what tdfscal wrote, LOG by its name, or nothing."""
     if path.is_dir():
         return LOG if is_log(path) else FOLDER
-    with suppress(OSError):
-        if path.is_file():
-            with path.open("rb") as file:
-                head = file.read(_HEAD)
-                file.seek(max(0, file.seek(0, 2) - _TAIL))
-                if found := kind_by(head, file.read()):
-                    return found
-    return LOG if is_log(path) else ""
-
-
-def kind_by(head: bytes, tail: bytes) -> str:
-    """Tell a RIG, CALIBRATION or other RESULT by how it begins and ends; nothing for all else."""
-    head = head[:_HEAD].replace(b'"', b"")
-    if found := _FORMAT.search(head):
-        return RIG if found[1] == b"rig" else CALIBRATION
-    return RESULT if _OWN.search(head) or _QUANTITY in tail[-_TAIL:] else ""
+    return own_kind(path) or (LOG if is_log(path) else "")
 
 
 def listed(paths: PathLikes) -> list[Path]:
@@ -279,7 +240,7 @@ def rig_file(path: PathLike) -> LoadedRig:
     """Load a rig file, or the rig.yaml of a campaign folder. Raises UsageError, RigError."""
     file = as_path(path)
     kind = kind_of(file) if file.is_file() else ""
-    if kind in (LOG, RESULT) and file.suffix.lower() not in _DOCUMENTS:
+    if kind not in ("", RIG) and file.suffix.lower() not in _DOCUMENTS:
         raise UsageError(f"is {kind}, not a rig file", where=str(file), hint="name a rig.yaml")
     loaded = load_rig(file / RIG_NAME if file.is_dir() else file)
     protect((loaded.path, *loaded.surveys))

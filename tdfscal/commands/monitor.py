@@ -10,7 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import sentence, told
 from tdfscal.commands import options
-from tdfscal.commands.campaign import RESULT, RIG, campaign_folders, kind_of
+from tdfscal.commands.campaign import LOG, campaign_folders, kind_of
 from tdfscal.commands.earlier import Earlier, on_one_another, read_earlier
 from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent
@@ -30,6 +30,7 @@ from tdfscal.files.calibration.compared import below_accepted
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import overdue, unsealed
 from tdfscal.files.calibration.parts import MeasuredResult
+from tdfscal.files.outputs import CALIBRATION
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.logs import is_log
@@ -170,7 +171,7 @@ def _sorted_out(
     for source in sources:
         if isinstance(source, CalibrationFile) or not (path := Path(source)).is_dir():
             kind = "" if isinstance(source, CalibrationFile) else kind_of(path)
-            if kind in (RESULT, RIG):
+            if kind not in ("", CALIBRATION, LOG):
                 others.append(f"{source} is {kind}")
             else:
                 calibrations.append(source)

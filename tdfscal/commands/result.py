@@ -15,7 +15,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from tdfscal.catalogue import documents
-from tdfscal.commands.campaign import CALIBRATION, RESULT, kind_by, kind_of
+from tdfscal.commands.campaign import kind_of
 from tdfscal.errors import DataError, UsageError, expect, without_exponent
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import (
@@ -25,7 +25,7 @@ from tdfscal.files.calibration.document import (
     save_calibration,
 )
 from tdfscal.files.calibration.document import load_calibration as load_file
-from tdfscal.files.outputs import protect
+from tdfscal.files.outputs import CALIBRATION, DOCUMENT, kind_by, protect
 from tdfscal.files.saving import write_text
 from tdfscal.files.yaml import as_path
 from tdfscal.findings import rejecting
@@ -282,7 +282,7 @@ def read_source(source: CalibrationSource) -> tuple[str, Calibration]:
         protect([path])
         name, kind, read = str(path), kind_of(path), partial(load_file, path)
     try:
-        if kind in ("", CALIBRATION, RESULT):  # of a long one the head does not tell
+        if kind in ("", CALIBRATION, DOCUMENT):  # of a long one the head does not tell
             return name, Calibration.of(read())
     except DataError as error:
         if kind == CALIBRATION:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import secrets
 from collections.abc import Iterable, Iterator, Sequence
 from contextvars import ContextVar
@@ -18,6 +19,22 @@ from tdfscal.files.yaml import shorten
 
 #: Of report pages.
 PAGE_SUFFIXES = (".html", ".htm")
+RIG, CALIBRATION, DOCUMENT = "a rig file", "a calibration", "a result as JSON"
+#: What tdfscal writes, and how that begins but for quotes, not what it embeds.
+_BEGINNINGS = {
+    RIG: rb"(?:\A\{\s*|^ ?)format:\s*tdfscal-rig/",
+    CALIBRATION: rb"(?:\A\{\s*|^ ?)format:\s*tdfscal-calibration/",
+    DOCUMENT: rb"\A\{\s*command: tdfscal[ .]",
+    "a plan": rb"\A# tdfscal plan ",
+    "a study": rb"\A# tdfscal study",
+    "contact wrenches": rb"\Atime,fx,fy,fz,mx,my,mz,u_fx,|\A(?s:.{0,230})tdfscal contact wrench",
+    "an export": rb"\Asensor,r_xx,r_xy,|\btdfscal \d[^\s,]*, \w+ calibration of ",
+    "a report page": rb"<meta name=generator content=tdfscal ",
+    "another result of tdfscal": rb"^ *format: *tdfscal-",
+}
+_HEAD, _TAIL = 1 << 14, 1 << 16
+#: What stands at the end of a Parquet file of contact wrenches.
+_QUANTITY = b"contact wrench on the terminal: force, and moment"
 
 
 @dataclass(slots=True)
@@ -39,6 +56,7 @@ class Outputs:
             with writing(place):
                 checked_place(place, self.inputs)
                 if place.exists():
+                    require_kind(place, own_kind(beside))
                     beside.chmod(place.stat().st_mode & 0o7777)
         for place, beside in self.staged.items():
             with writing(place):
@@ -152,6 +170,34 @@ def check_outputs(outputs: Iterable[tuple[str, Path, Sequence[str]]]) -> None:
         if other != option:
             what, hint = f"{other} and {option} name one file", "give each a name of its own"
             raise UsageError(what, where=str(path), hint=hint)
+
+
+def kind_by(head: bytes, tail: bytes = b"") -> str:
+    """Tell what tdfscal wrote by how it begins and ends; nothing for all else."""
+    head = head[:_HEAD].replace(b'"', b"")
+    for kind, beginning in _BEGINNINGS.items():
+        if re.search(beginning, head, re.MULTILINE):
+            return kind
+    return "contact wrenches" if _QUANTITY in tail[-_TAIL:] else ""
+
+
+def own_kind(path: Path) -> str:
+    """Tell what tdfscal wrote, as `kind_by`. A pipe is not opened: that might never end."""
+    with contextlib.suppress(OSError):
+        if path.is_file():
+            with path.open("rb") as file:
+                head = file.read(_HEAD)
+                file.seek(max(0, file.seek(0, 2) - _TAIL))
+                return kind_by(head, file.read())
+    return ""
+
+
+def require_kind(place: Path, kind: str) -> None:
+    """Raise OutputError where a file of another kind would be replaced; an empty one may be."""
+    if place.is_file() and place.stat().st_size and (found := own_kind(place)) != kind:
+        what = f"would replace {found or 'a file that tdfscal did not write'}"
+        hint = "choose another name for the result, or remove that file first"
+        raise OutputError(what, where=shorten(str(place), 300), hint=hint)
 
 
 def check_suffix(path: Path, suffixes: Sequence[str]) -> None:
