@@ -194,30 +194,21 @@ def refuse_repeated(recordings: Sequence[Recording]) -> None:
     """Raise UsageError where two campaigns hold the same recording, or the same part of one."""
     for first, second in combinations(recordings, 2):
         what = next((file.path for file in second.files if file.meets_any(first.files)), None)
-        if what is None and _at_one_time(first.measured, second.measured):
+        a, b = first.measured, second.measured
+        together = min(a.end, b.end) - max(a.begin, b.begin)
+        shorter = min(a.end - a.begin, b.end - b.begin)
+        # Clocks may be set apart by less.
+        by_clock = a.source == b.source == "log" and together > max(0.5 * shorter, 0.0)
+        if what is None and by_clock:
             what = "their clocks say so, for no rig is recorded twice at a time"
-        if what is None and _alike(first.means, second.means):
-            what = "their mean forces agree far below their uncertainty"
+        if what is None and first.means is not None and second.means is not None:
+            few, many = sorted((first.means, second.means), key=lambda means: len(means.force))
+            of_one_rig = len(few.force) > 0 and few.force.shape[1:] == many.force.shape[1:]
+            if of_one_rig and 2 * repeated(many, few).sum() >= len(few.force):
+                what = "their mean forces agree far below their uncertainty"
         if what is not None:
             raise UsageError(
                 f"holds the same recording as {first.name}: {what}",
                 where=second.name,
                 hint="name each recording once; twice the same data are no more data",
             )
-
-
-def _at_one_time(a: Measured, b: Measured) -> bool:
-    """Whether two wall clocks ran at the same time, for longer than they may be set apart."""
-    together = min(a.end, b.end) - max(a.begin, b.begin)
-    clocks = a.source == b.source == "log"
-    return clocks and together > 0.5 * min(a.end - a.begin, b.end - b.begin)
-
-
-def _alike(a: Readings | None, b: Readings | None) -> bool:
-    """Whether half of the dwells of the shorter one, or more, are also the other's."""
-    if a is None or b is None:
-        return False
-    few, many = sorted((a, b), key=lambda one: len(one.force))
-    if not len(few.force) or few.force.shape[1:] != many.force.shape[1:]:
-        return False
-    return bool(2 * repeated(many, few).sum() >= len(few.force))

@@ -70,9 +70,17 @@ def require_format(document: Document, expected: str, error: type[TdfscalError])
 
 def _told(content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
     """Return place, what and hint of one fault."""
-    context = fault.get("ctx", {})
-    place, there = _in_file((*fault["loc"], *context.get("place", ())), content)
-    kind = fault["type"]
+    context, kind = fault.get("ctx", {}), fault["type"]
+    whole, kept, there = content, list[str | int](), 0
+    for part in (*fault["loc"], *context.get("place", ())):
+        if part == 0 and isinstance(whole, dict):  # of a block that stands alone
+            continue
+        kept.append(part)
+        try:
+            whole, there = whole[part], len(kept)
+        except (KeyError, IndexError, TypeError):
+            whole = None
+    place = tuple(kept)
     if kind == "missing" and isinstance(place[-1], int):
         return place[:-1], f"has {place[-1]} entries, too few", "add what is missing"
     if kind == "missing":
@@ -82,20 +90,6 @@ def _told(content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
         what = f"{what[0].lower()}{what[1:]}, got {shorten(repr(fault['input']))}"
     # A value that stands for a mapping (`mass: 500`) has no such place in the file.
     return place[:there], what, context.get("hint") or _HINTS.get(kind, "correct the value")
-
-
-def _in_file(place: Place, content: Any) -> tuple[Place, int]:
-    """The place, without the index of a block that stands alone; how many of its parts exist."""
-    kept, there = list[str | int](), 0
-    for part in place:
-        if part == 0 and isinstance(content, dict):
-            continue
-        kept.append(part)
-        try:
-            content, there = content[part], len(kept)
-        except (KeyError, IndexError, TypeError):
-            content = None
-    return tuple(kept), there
 
 
 _MISSING: dict[str | int, str] = {

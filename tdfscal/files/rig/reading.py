@@ -15,7 +15,7 @@ from tdfscal.files.field_types import Sha256, key
 from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig.model import RIG_FORMAT, RigFile
 from tdfscal.files.rig.recorders import LogBlock, TrackerBlock
-from tdfscal.files.yaml import Document, Place, as_path, parse_document, read_document
+from tdfscal.files.yaml import Document, as_path, parse_document, read_document
 from tdfscal.frozen import record
 from tdfscal.records import (
     Acceptance,
@@ -100,7 +100,22 @@ def parse_rig(raw: bytes, source: str) -> LoadedRig:
 def _from_document(document: Document, path: Path) -> LoadedRig:
     require_format(document, RIG_FORMAT, RigError)
     loaded = _resolved(checked(RigFile, document, RigError), path, document.sha256)
-    return dataclasses.replace(loaded, unconfirmed=_unconfirmed(document))
+    marked = {
+        number: line[: mark.start()].partition(":")[2].strip()
+        for number, line in enumerate(document.text.splitlines(), 1)
+        if (mark := _MARK.search(line)) and not line.lstrip().startswith("#")
+    }
+    found: dict[int, str] = {}
+    for place, number in document.lines.items():
+        if place and number in marked and number not in found:
+            names, content = [], document.content
+            for part in place:  # a support goes by its name
+                content = content[part]
+                own = content.get("name") if isinstance(content, dict) else None
+                names.append(str(own or part if isinstance(part, int) else part))
+            value = f": {marked[number]}" if marked[number] else ""
+            found[number] = f"{'.'.join(names)}{value} (line {number})"
+    return dataclasses.replace(loaded, unconfirmed=tuple(found.values()))
 
 
 def _resolved(file: RigFile, path: Path, sha256: str) -> LoadedRig:
@@ -152,28 +167,3 @@ def _rig(file: RigFile) -> Rig:
         campaign=CampaignInfo(**dict(file.campaign or ())),
         sensors=sensors if any(support.sensor for support in supports) else (),
     )
-
-
-def _unconfirmed(document: Document) -> tuple[str, ...]:
-    """The keys, with values and lines, that a rig file still marks to be confirmed."""
-    marked = {
-        number: line[: mark.start()].partition(":")[2].strip()
-        for number, line in enumerate(document.text.splitlines(), 1)
-        if (mark := _MARK.search(line)) and not line.lstrip().startswith("#")
-    }
-    found: dict[int, str] = {}
-    for place, number in document.lines.items():
-        if place and number in marked and number not in found:
-            value = f": {marked[number]}" if marked[number] else ""
-            found[number] = f"{_named(place, document.content)}{value} (line {number})"
-    return tuple(found.values())
-
-
-def _named(place: Place, content: Any) -> str:
-    """A place in a rig file, its supports by their names."""
-    names = []
-    for part in place:
-        content = content[part]
-        own = content.get("name") if isinstance(content, dict) else None
-        names.append(str(own or part if isinstance(part, int) else part))
-    return ".".join(names)

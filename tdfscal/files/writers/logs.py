@@ -109,7 +109,12 @@ def _write_messages(path: Path, log: Log) -> None:
         kinds = dict.fromkeys(kind for _, _, kind, _, _ in topics)
         schema = {kind: writer.register_schema(kind, "ros2msg", definition(kind)) for kind in kinds}
         channels = [writer.register_channel(t, "cdr", schema[kind]) for t, _, kind, _, _ in topics]
-        streams = [_messages(series, frame, size) for _, frame, _, size, series in topics]
+        streams = list[tuple[IntArray, list[bytes]]]()
+        for _, frame, _, size, series in topics:  # the values, then zeros up to so many doubles
+            stamps = EPOCH * 1_000_000_000 + np.rint(series.time * 1e9).astype(np.int64)
+            value = np.zeros((len(stamps), size))
+            value[:, : series.value.shape[1]] = series.value
+            streams.append((stamps, stamped(stamps, frame, value)))
         stamp = np.concatenate([stamps for stamps, _ in streams])
         source = np.repeat(np.arange(len(streams)), [len(s) for s, _ in streams])
         sequence = np.concatenate([np.arange(len(s)) for s, _ in streams])
@@ -163,14 +168,6 @@ def stamped(stamp: IntArray, frame: str, value: FloatArray) -> list[bytes]:
     records["value"] = value
     whole, step = records.tobytes(), layout.itemsize
     return [whole[i : i + step] for i in range(0, len(whole), step)]
-
-
-def _messages(series: Series, frame: str, doubles: int) -> tuple[IntArray, list[bytes]]:
-    """Stamps in ns and CDR messages: the values, then zeros up to `doubles` doubles."""
-    stamp = EPOCH * 1_000_000_000 + np.rint(series.time * 1e9).astype(np.int64)
-    value = np.zeros((len(stamp), doubles))
-    value[:, : series.value.shape[1]] = series.value
-    return stamp, stamped(stamp, frame, value)
 
 
 def _columns(log: Log, length: float) -> list[FloatArray]:
