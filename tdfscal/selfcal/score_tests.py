@@ -1,8 +1,6 @@
 """Score tests of static postures: their suspects, and noise held against them.
 
-Friction of the hinges is no shift but a scatter, of the moments alone; it is asked for by the
-variance of the residuals along them. What the tests speak for is held against all kinds of noise
-and zeros that wander.
+What the tests speak for is held against all kinds of noise and zeros that wander.
 
 Noise beyond what is stated: whose is it? Variances held against each other by likelihood.
 
@@ -45,7 +43,7 @@ from tdfscal.estimation.uncertainty import Estimate
 from tdfscal.model.parameters import layout
 from tdfscal.model.postures import walk_modes
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.least_squares import Spectrum, covariance_root
+from tdfscal.numerics.least_squares import covariance_root
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.estimator import ROWS, Fit
 from tdfscal.significance import (
@@ -62,13 +60,12 @@ def suspicions(
 
     time : (K,), s, when each posture was held. temperature : (K, n), °C, where it is known.
     """
-    fit, parts = of.fit, of.parts
+    fit = of.fit
     own = [*_scales(fit), *_moving_zeros(fit, time, temperature), *_pushes(fit)]
     found = speaking(of, [*stated_suspects(fit), *own], other=UNDECLARED_FRICTION_SHARE)
-    if (
-        chance(fit.root[:, :, 3:], parts, fit.white) <= UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE
-        or of.quality.p_value < MISFIT
-    ):
+    sticking = (doubt.p_value for doubt in scatters(of, "hinge friction"))
+    level = UNDECLARED_ERROR * UNDECLARED_FRICTION_SHARE
+    if of.quality.p_value < MISFIT or min(sticking, default=1.0) <= level:
         found += scatters(of)
     if found:
         found += wandering(of, time)
@@ -126,10 +123,13 @@ _COLUMNS, _COLUMNS_OF_MANY = 1200, 180
 _ROOT_HOUR = 60.0
 
 
-def scatters(of: Estimate[Fit]) -> list[Suspicion]:
-    """All noise that is white from posture to posture, each with the size that it may have."""
-    K = len(of.fit.weight)
-    return _variances(of, K, ((*each, 1.0) for each in noise_columns(of.fit)))
+def scatters(of: Estimate[Fit], kind: str = "") -> list[Suspicion]:
+    """All noise that is white from posture to posture, each with the size that it may have.
+
+    kind : the only one that is asked for.
+    """
+    asked = (each for each in noise_columns(of.fit) if not kind or each[0] == kind)
+    return _variances(of, len(of.fit.weight), ((*each, 1.0) for each in asked))
 
 
 def wandering(of: Estimate[Fit], time: FloatArray) -> list[Suspicion]:
@@ -164,33 +164,6 @@ def _variances(
         doubt = (kind, support, unit * size, move, p_value, weight)
         found.append(suspicion(of.fit.rig, of.uncertainty, *doubt))
     return found
-
-
-def chance(columns: FloatArray, parts: Spectrum, white: FloatArray) -> float:
-    """Probability that noise as stated scatters as much along whitened columns (K, 6, m).
-
-    The score rᵀ H Hᵀ r is a sum of χ²; it is held against the gamma distribution of its mean and
-    variance (Satterthwaite, Biometrics 2, 1946). white : whitened residual, postures first.
-    """
-    K = len(columns)
-    own = np.swapaxes(columns, 1, 2) @ columns
-    through = np.einsum("kap,kab->pkb", _left(parts, K), columns)
-    flat = through.reshape(len(through), -1)
-    known = flat @ flat.T
-    # M = H'H − (U'H)'(U'H): its trace, and that of its square.
-    mean = float(np.sum(columns**2) - np.trace(known))
-    overlap = np.einsum("kab,pka,pkb->", own, through, through, optimize=True)
-    square = float(np.sum(own**2) - 2 * overlap + np.sum(known**2))
-    if square <= _ROUNDING * np.sum(own**2):
-        return 1.0
-    residual = white[: ROWS * K].reshape(K, ROWS)
-    score = float(np.sum(np.einsum("kab,ka->kb", columns, residual) ** 2))
-    return float(chi2_sf(score * mean / square, mean**2 / square))
-
-
-def _left(parts: Spectrum, postures: int) -> FloatArray:
-    """What the parameters do to the residuals (K, 6, r), orthonormal with the prior's rows."""
-    return parts.left[: ROWS * postures].reshape(postures, ROWS, -1)
 
 
 def noise_columns(fit: Fit) -> Iterator[tuple[str, int, FloatArray]]:
