@@ -25,7 +25,7 @@ from tdfscal.model.statics import features, features_jacobian
 from tdfscal.motioncal.blocks import SHORTEST, Block, blocks, rests_of
 from tdfscal.motioncal.design import block_design, rms
 from tdfscal.motioncal.fit import MovingFit, MovingPriors, MovingState
-from tdfscal.motioncal.rows import NOTHING, NoiseModel, gather, improve, initial
+from tdfscal.motioncal.rows import NOTHING, NoiseModel, at_mean, gather, improve, initial
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import (
@@ -150,7 +150,7 @@ def estimate_noise(fit: MovingFit) -> MovingFit:
         model, change = improve(model, rows.bins, power, fitted / variance)
         if change < _SCORED:
             break
-    return replace(fit, noise=model)
+    return replace(fit, noise=at_mean(model, rows.bins, fitted / variance))
 
 
 def fit_moving(

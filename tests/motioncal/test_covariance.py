@@ -1,4 +1,4 @@
-"""What the positioners' errors do to the estimate: a field of the place, no noise of the time."""
+"""What noise of the readings and errors of the place do to the estimate."""
 
 from dataclasses import replace
 
@@ -9,6 +9,7 @@ from tdfscal.estimation.uncertainty import estimate
 from tdfscal.model.calibrated import free_constants, joint_prior
 from tdfscal.motioncal.estimator import at_state, fit_moving
 from tdfscal.motioncal.fit import FIELD, MovingFit, MovingPriors, of_poses
+from tdfscal.motioncal.rows import Bins, NoiseModel, at_mean, improve
 from tdfscal.numerics.information import Information
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.records import FloatArray
@@ -48,6 +49,24 @@ def test_errors_of_the_place_move_the_angles_by_their_share(fit: MovingFit) -> N
     out = moved(fit, wrench)
     # 150 draws of nine angles that go together in part: 8 % of a standard error.
     assert np.trace(out.T @ out / 150) == pytest.approx(np.trace(share), rel=0.25)
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.5, 3.0])
+def test_a_spectrum_stands_at_the_mean_of_its_logarithm(ratio: float) -> None:
+    """Against sums over a grid of both levels: 60 values, half of them by forces alone."""
+    each, H = np.ones(60), 2
+    bins = Bins(each, np.where(np.arange(60) < 30, 0.0, ratio), each)
+    precision, mode = np.diag([0.01, 1e4, 1.0, 1e4]), np.zeros(2 * H)
+    model = NoiseModel(np.log([1.0, 2.0]), mode, mode, precision, np.linalg.inv(precision))
+    power = model.variance(bins)
+    model, _ = improve(model, bins, power, 0 * each)
+    force, place = np.meshgrid(*(np.linspace(-6, 6, 401),) * 2, indexing="ij")
+    variance = np.exp(force)[..., None] + np.array([0.0, ratio]) * np.exp(place)[..., None]
+    value = 15 * np.sum(np.log(variance) + power[[0, -1]] / variance, axis=2)
+    chance = np.exp(-value + value.min() - 0.005 * force**2 - 0.5 * place**2)
+    mean = [np.sum(chance * own) / np.sum(chance) for own in (force, place)]
+    found = at_mean(model, bins, 0 * each).log_density[::H]
+    assert found == pytest.approx(mean, abs=0.01 + 0.25 * np.abs(mean).max())
 
 
 def test_earlier_campaigns_are_counted_once(fit: MovingFit) -> None:
