@@ -298,10 +298,6 @@ def origin_of(log: LogPass, **more: Any) -> Provenance:
     return Provenance(log.campaign.rig, command=log.settings.command, seed=0, **given)
 
 
-#: What is said of the contact wrench, which both methods together judge anew.
-_OF_CONTACT = ("contact-uncertain",)
-
-
 def _with_survey(
     rig: Rig,
     own: SelfCalibration | None,
@@ -320,7 +316,8 @@ def _with_survey(
         return Calibration.of(from_tracker(tracker, origin, (*reasons, *notes)))
     both = combine(own.rotations, tracker.rotations)
     given = own.estimate.calibrated_at(both.rotations.covariance, both.rotations.rotation)
-    mine_alone = [f for f in own.findings if f.code not in _OF_CONTACT]
+    # Of the contact wrench both methods together judge anew.
+    mine_alone = [f for f in own.findings if f.code != "contact-uncertain"]
     found = [f for f in mine_alone if f.rejects]
     found += judge(rig, tracker.rotations, tracker.birge, conformity=assess_stated(given))
     if not both.test.verified:

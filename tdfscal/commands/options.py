@@ -215,21 +215,6 @@ _FLAGS = re.compile("`tdfscal [^`]*`|--[a-z]+(?:-[a-z]+)*")
 COMMANDS: dict[str, Command] = {}
 
 
-#: What every command's docstring ends with: its parameters, and what it raises.
-_SECTIONS = """
-
-    Parameters
-    ----------
-{}
-
-    Raises
-    ------
-    TdfscalError
-        By cause: UsageError, RigError, DataError, NotIdentifiableError, NotConvergedError,
-        RejectedError.
-    """
-
-
 def command(example: str) -> Callable[[_Function], _Function]:
     """Make a function a command, with its parameters in its docstring."""
 
@@ -251,7 +236,8 @@ def command(example: str) -> Callable[[_Function], _Function]:
                     raise made.in_python(error) from error.__cause__
 
         told = "\n".join(f"    {p.name} : {p.help}." for p in each)
-        run.__doc__ = str(function.__doc__).rstrip() + _SECTIONS.format(told)
+        whole_doc = str(function.__doc__).rstrip() + "\n\n    Raises TdfscalError, by cause."
+        run.__doc__ = f"{whole_doc}\n\n    Parameters\n    ----------\n{told}\n    "
         # `help` shows the types alone.
         bare = [named[p.name].replace(annotation=p.python) for p in each]
         bare[-1] = bare[-1].replace(default=None, annotation=Progress | None)  # nobody follows
