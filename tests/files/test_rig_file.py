@@ -9,13 +9,7 @@ import pytest
 from tdfscal.errors import RigError, UsageError
 from tdfscal.files.rig.reading import load_rig, parse_rig
 from tdfscal.files.rig.recorders import LogBlock
-from tdfscal.records import (
-    CampaignInfo,
-    DeclaredUncertainty,
-    Drift,
-    Instrument,
-    SensorInfo,
-)
+from tdfscal.records import CampaignInfo, DeclaredUncertainty, Drift, Instrument, SensorInfo
 from tests.files.sample_documents import MINIMAL, RIG
 
 

@@ -10,13 +10,7 @@ from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.saving import fingerprint
 from tdfscal.logs import iter_log, read_log
 from tdfscal.records import Log
-from tests.files.logs.log_making import (
-    LOG_TIME,
-    SUPPORTS,
-    make_truth,
-    mcap_bytes,
-    write,
-)
+from tests.files.logs.log_making import LOG_TIME, SUPPORTS, make_truth, mcap_bytes, write
 from tests.words import in_words
 
 ONE = ("a",)

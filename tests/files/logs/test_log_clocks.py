@@ -4,13 +4,7 @@ from pathlib import Path
 
 from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
-from tests.files.logs.log_making import (
-    STAMPED,
-    point_stamped,
-    small_mcap,
-    wrench_stamped,
-    write,
-)
+from tests.files.logs.log_making import STAMPED, point_stamped, small_mcap, wrench_stamped, write
 from tests.words import in_words
 
 FIELDS = {"position": "/p.point", "force": "/f.wrench.force"}
