@@ -212,16 +212,19 @@ class RowParser:
         return vectors * factors[:, :, None], time
 
     def ends_alike(self, line: bytes, above: bytes, series: bool) -> bool:
-        """Whether a last line without an end is whole: in decimals its last number lacks none.
+        """Whether a last line without an end is whole: its last number is as long as those above.
 
-        above : the whole lines before it. A posture may have any number that one of them has.
+        above : whole lines before it. Of decimals it has as many as three of four have, of a
+        posture's, which may be rounded, as the shortest; of whole numbers all have its length.
         """
-        before = above.rstrip().split(self._newline)[-1 if series else 0 :]
+        before = above.rstrip()[-_GLANCE:].split(self._newline)[len(above) > _GLANCE :]
         cells = [self._cells(one.strip()) for one in (line, *before) if one.strip()]
-        last, *others = [len(own[-1].partition(self._decimal)[2]) for own in cells]
         if len(cells[0]) != self._table.width or cells[0][-1].endswith(self._decimal):
             return False
-        return [last] == others > [0] if series else last >= min(others, default=0)
+        last, *others = [len(own[-1].partition(self._decimal)[2]) for own in cells]
+        if not any(others) and len(others) > 0 and series:
+            return len({len(own[-1]) for own in cells}) == 1
+        return last >= (sorted(others)[len(others) // 4 * series] if others else series)
 
     def _lines(self, block: bytes, first_line: int) -> Iterator[tuple[int, bytes]]:
         """Lines that are not blank, with their numbers."""

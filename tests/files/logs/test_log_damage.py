@@ -9,6 +9,7 @@ import struct
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pyarrow as pa
@@ -191,18 +192,31 @@ def test_damage_within_is_refused_with_its_place(tmp_path: Path) -> None:
         read_log([write(path, bytes(content))], MAPPING, SUPPORTS)
 
 
-def test_a_table_of_postures_cut_within_its_last_row_lacks_that_row(tmp_path: Path) -> None:
-    head = "time,a.x,a.y,a.z,a.fx,a.fy,a.fz\n"
-    rows = [f"{k},1.5,2.25,3.125,{10 + k}.5,-20.25,{1300 + k}.{k}5" for k in range(5)]
-    path, text = tmp_path / "log.csv", head + "\n".join(rows)
-    for cut in range(1, len(rows[-1])):
+@pytest.mark.parametrize(
+    ("rows", "last", "whole"),
+    [
+        ("postures", lambda k: f"{1300 + k}.{k % 5}5", 1),
+        ("timeseries", lambda k: f"{1300 + k / 7:.3f}", 1),
+        ("timeseries", lambda k: f"{round(1300 + k / 7, 2)}", 1),  # 1300.0 among 1300.14
+        ("timeseries", lambda k: f"{1300 + k / 7!r}", 3),  # whatever its last digits say
+        ("timeseries", lambda k: f"{1300 + k},{k % 4}", 1),  # a counter behind
+    ],
+)
+def test_a_table_cut_within_its_last_row_lacks_that_row(
+    tmp_path: Path, rows: Literal["postures", "timeseries"], last: Callable[[int], str], whole: int
+) -> None:
+    lines = [f"{k},1.5,2.25,3.125,{10 + k}.5,-20.25,{last(k)}" for k in range(40)]
+    head = "time,a.x,a.y,a.z,a.fx,a.fy,a.fz" + ",n" * (lines[0].count(",") > 6)
+    path, text = tmp_path / "log.csv", "\n".join([head, *lines])
+    for cut in range(whole, len(lines[-1])):
         path.write_text(text[:-cut])
-        log = read_log([path], LogBlock(rows="postures"), ONE)
-        assert len(log.force[0].time) == 4
+        log = read_log([path], LogBlock(rows=rows), ONE)
+        assert len(log.force[0].time) == 39
         assert [finding.code for finding in log.findings] == ["log-truncated"]
-    for end in ("", "\n"):
+    for end in ("", "\n", "\r\n"):
         path.write_text(text + end)
-        assert len(read_log([path], LogBlock(rows="postures"), ONE).force[0].time) == 5
+        log = read_log([path], LogBlock(rows=rows), ONE)
+        assert (len(log.force[0].time), log.findings) == (40, ())
 
 
 def test_damage_within_a_bag_that_was_cut_is_refused(tmp_path: Path) -> None:
