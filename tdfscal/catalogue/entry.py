@@ -21,6 +21,7 @@ from tdfscal.catalogue.numbers import (
 from tdfscal.errors import visible, without_exponent
 from tdfscal.findings import Finding, Severity
 from tdfscal.frozen import record
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 
 #: Times so close, s, are told to a tenth.
 _CLOSE = 10.0
@@ -32,7 +33,8 @@ class Entry:
 
     sentence, cure : templates; the cure is an imperative, empty where nothing is to do. Their
     fields: {subject} (names, joined), {size} (with its unit), {number} (without), {p}, {stated}
-    (the size upwards to one digit, as a rig file states it), and the finding's own values, after a
+    (the size upwards to one digit, as a rig file states it), {spread} (half of the size's 95 %
+    interval), and the finding's own values, after a
     colon with a unit (± before it: as half an interval), with `time` (two moments), or with words
     for yes|no, where ~ is the value; so have {subjects} for more than one name, {several} for a
     count above one, {until} and {cut} for where to end the part before something changed, and to
@@ -168,7 +170,8 @@ def _fields(finding: Finding) -> dict[str, Any]:
         fields["stated"] = upwards(float(fields.get("component", size)))
         fields["degrees"] = np.degrees(size)
         if isinstance(std, float):
-            fields["spread"] = quantity(std, finding.unit, (size, *beside), known)
+            half = INTERVAL_FACTOR * std
+            fields["spread"] = quantity(half, finding.unit, (size, *beside), known)
     if isinstance(half := finding.values.get("expanded"), float):
         fields["difference"] = with_std(fields["difference"], half, "+")
     if finding.harm is not None:

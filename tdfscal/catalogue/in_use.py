@@ -158,10 +158,11 @@ noise-as-calibrated notes
   noise is taken as {number:.2f} times what is stated, as the calibration's residuals showed it
   (fit.birge)
 zeros-moved notes
-  the readings fit zeros that have moved since the calibration, as by a tare, most clearly that of
-  {subject} along {axis}, by {size} ± {spread} (95 %); a sensor's turn that is too small to be sure
-  of would fit as well
-  -> if they were tared, bring the new ones in by `tdfscal update`; if not, look at that mounting
+  the readings fit zeros that have moved since the calibration, as by a tare, or a sensor's turn too
+  small to be sure of
+  ? axis ; the zero of {subject} along {axis} most clearly, by {size} ± {spread} (95 %)
+  ? unclear ; no single zero's move is clear by itself (± {unclear:N}, 95 %)
+  -> if they were tared, bring the new ones in by `tdfscal update`
 zeros-beside-change notes
   together with that change the zeros come out other than the calibration's, most clearly that of
   {subject} along {axis}, by {size} ± {spread} (95 %)

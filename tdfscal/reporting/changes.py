@@ -8,9 +8,10 @@ import numpy as np
 
 from tdfscal.catalogue.numbers import measured
 from tdfscal.findings import Finding, Value
-from tdfscal.numerics.distributions import INTERVAL_FACTOR
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, normal_quantile
 from tdfscal.records import FloatArray
 from tdfscal.reporting.figures import clock_from
+from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.validation.causes import Cause
 from tdfscal.validation.in_motion import MovingValidation
 from tdfscal.validation.residual_wrench import Validation
@@ -34,7 +35,8 @@ def changes(v: Tested) -> list[Finding]:
 def _zeros(v: Tested, code: str) -> list[Finding]:
     """The change of a zero that stands out most, where they moved and the log tells by how much.
 
-    It does not where the noise is not known, or what explains the rest.
+    It does not where the noise is not known, or what explains the rest; it names none where the
+    largest of so many may be chance.
     """
     std = v.zeros.change_std
     known = v.zeros.moved and (v.holds or any(not c.scatters for c in v.suspected[:1]))
@@ -42,7 +44,10 @@ def _zeros(v: Tested, code: str) -> list[Finding]:
         return []
     told = np.divide(np.abs(v.zeros.change), std, out=np.zeros_like(std), where=std > 0)
     i, j = np.unravel_index(np.where(np.isfinite(std), told, -1.0).argmax(), std.shape)
-    values: dict[str, Value] = {"std": INTERVAL_FACTOR * float(std[i, j]), "axis": "xyz"[j]}
+    if told[i, j] < normal_quantile(1.0 - (1.0 - INTERVAL_COVERAGE) / (2 * np.isfinite(std).sum())):
+        unclear = INTERVAL_FACTOR * float(std[np.isfinite(std)].max())
+        return [Finding(code, values={"unclear": unclear})] if v.holds else []
+    values: dict[str, Value] = {"std": float(std[i, j]), "axis": "xyz"[j]}
     size = float(v.zeros.change[i, j])
     return [Finding(code, (v.rig.supports[i],), size, "N", values=values)]
 
@@ -59,7 +64,7 @@ def change(v: Tested, cause: Cause, *, tied: bool = False) -> Finding:
     match cause.kind:
         case "sensor turned":
             size, unit = float(np.linalg.norm(cause.value)), "rad"
-            values["std"] = INTERVAL_FACTOR * cause.size_std
+            values["std"] = cause.size_std
         case "sensors turned":
             turns = np.linalg.norm(cause.value.reshape(-1, 3), axis=1)
             widest = cause.std.reshape(-1, 3).max(axis=1)

@@ -58,7 +58,7 @@ def finding(life: Life, alarm: Alarm) -> Finding:
         "since": since, "check": names[onset], "onset": day(life.month[onset]), "raised": raised,
         "late": "" if alarm.raised == onset else raised, "change": alarm.turn.tolist(),
         "change_95": (INTERVAL_FACTOR * alarm.std).tolist(),
-        "std": INTERVAL_FACTOR * alarm.size_std,
+        "std": alarm.size_std,
     }  # fmt: skip
     if alarm.sensor is None:
         code = _CODES[alarm.kind] if alarm.kind == "load" else "alarm-together"

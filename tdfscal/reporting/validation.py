@@ -58,7 +58,7 @@ _KEEP = "Keep this calibration in use."
 _RENEWED = "The angles stand; use them once the certificate does."
 _NEW_ZEROS = (
     "If the sensors were tared, keep its angles and bring their zeros in by `tdfscal update`. If "
-    "not, look how the sensor named sits: a small turn moves its readings alike."
+    "not, look how they sit: a small turn moves a sensor's readings alike."
 )
 _SAID = {
     "holds": ("still valid", _KEEP, _AGAIN),
@@ -130,7 +130,9 @@ def validation_document(v: Tested, findings: Sequence[Finding], origin: Origin) 
         **{name: w.model_dump() for name, w in _residual(v).items()},
         zeros={
             "moved": v.zeros.moved,
-            "supports": layout.each_named(v.rig.supports, change=moved, std=v.zeros.change_std),
+            "supports": layout.each_named(
+                v.rig.supports, change=moved, std=v.zeros.change_std, detectable=v.zeros.detectable
+            ),
         },
         detectable_turn={
             "power": DETECTION_POWER,
@@ -214,6 +216,8 @@ def _sure(v: Tested) -> str:
         f"would have shown it with {DETECTION_POWER:.0%} probability, even behind a new tare; "
         f"{upright if twist <= _UNSEEN else 'it would not show a turn about the vertical.'}"
     )
+    if np.isfinite(zero := v.zeros.detectable).all():
+        said += f" A zero that moved alone shows as surely from {measured(zero.max())} N on."
     if v.blind:
         said += (
             f" The angles have to hold to ± {measured(1e3 * v.limit)} mrad, which is less: a "

@@ -92,13 +92,15 @@ class Zeros:
     moved : they are not those of the calibration, as after a tare; the verdict takes them as drawn
     anew from what the rig file states. Where a change of the rig is suspected, the zeros are
     estimated together with the likeliest. change : (n, 3), from the calibration's zeros to these,
-    its std beside it; ∞ where the log does not tell. value : (n, 3), the zeros now, and covariance
-    (3n, 3n).
+    its std beside it; ∞ where the log does not tell. detectable : (n, 3), the smallest change of
+    one alone that is found with probability DETECTION_POWER. value : (n, 3), the zeros now, and
+    covariance (3n, 3n).
     """
 
     moved: bool
     change: FloatArray
     change_std: FloatArray
+    detectable: FloatArray
     value: FloatArray
     covariance: FloatArray
 
@@ -171,13 +173,9 @@ class Verdict:
 
         With probability DETECTION_POWER, though the zeros may have been tared; ∞ where none is.
         """
-        threshold = special.chdtri(3, VALIDATION_SEARCH * _TURNED / self.rig.n)
-        offset = float(special.chndtrinc(threshold, 3, 1 - DETECTION_POWER))
         white = self.judged.tared or self.judged.white
         turns = white.at.columns[:, layout(self.rig.n)["rotation"]]
-        seen = np.maximum(np.diagonal(white.information(turns)), 0.0)
-        with np.errstate(divide="ignore"):
-            return np.asarray(np.sqrt(offset / seen)).reshape(-1, 3)
+        return _smallest(white, turns, 3, VALIDATION_SEARCH * _TURNED / self.rig.n)
 
     @property
     def holds(self) -> bool:
@@ -188,6 +186,15 @@ class Verdict:
     def suspected(self) -> tuple[Cause, ...]:
         """Where it does not hold: the causes that explain it and cannot be told apart."""
         return () if self.holds else self.judged.causes.suspected
+
+
+def _smallest(white: Whitened, columns: FloatArray, unknowns: int, level: float) -> FloatArray:
+    """Sizes (n, 3) along columns (m, 3n) that a test of so many unknowns finds at its level."""
+    threshold = special.chdtri(unknowns, level)
+    offset = float(special.chndtrinc(threshold, unknowns, 1 - DETECTION_POWER))
+    seen = np.maximum(np.diagonal(white.information(columns)), 0.0)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.sqrt(offset / seen)).reshape(-1, 3)
 
 
 def judged_with_zeros(
@@ -225,7 +232,10 @@ def judged_with_zeros(
     moved = _moved(same, fresh, rivals)
     chosen = replace(fresh if moved else same, tared=fresh.white)
     changed = next(iter(() if chosen.holds else chosen.causes.suspected), None)
-    return chosen, _zeros(at, given, step, std, moved=moved, changed=changed)
+    found = _zeros(at, given, step, std, moved=moved, changed=changed)
+    level = VALIDATION_SEARCH * (1 - _TURNED) / (same.causes.tried - rig.n)
+    seen = _smallest(same.white, at.zero_columns, 1, level)
+    return chosen, replace(found, detectable=seen)
 
 
 def _moved(same: Judged, fresh: Judged, rivals: tuple[Cause, ...]) -> bool:
@@ -269,22 +279,43 @@ def _zeros(
     moved: bool,
     changed: Cause | None,
 ) -> Zeros:
-    """Zeros of a log by its residuals, the calibration's joint covariance and what is stated.
+    """Zeros of a log: now, by what is stated too; how far they moved, by the log alone.
 
-    With x = (calibrated parameters d, own ones, new zeros less the calibration's m), m ~ N(step,
-    std²), the residuals are −J x with the zeros' columns at m; m − d_zero is by how much they
-    moved. Nothing stated is as wide as the load. changed : what the rig changed by, of which
-    nothing is known; zeros would take the part of it that looks alike.
+    What is stated would draw a move towards none. changed : what the rig changed by.
     """
-    zero, n = layout(at.sensors)["zero"], at.sensors
+    n = at.sensors
     if changed is not None and changed.kind == "zero drifted" and changed.support is not None:
         std = np.where(np.arange(3 * n) // 3 == changed.support, np.inf, std)
     widest = float(given.state.mass) * given.rig.gravity
+    value, root, *_ = _solved(at, given, step, np.minimum(std, widest), changed)
+    _, _, change, change_std = _solved(at, given, step, np.full(3 * n, widest), changed)
+    told = ~given.open[layout(n)["zero"]] & (change_std < widest / 2)
+    return Zeros(
+        moved=moved,
+        change=change.reshape(n, 3),
+        change_std=np.where(told, change_std, np.inf).reshape(n, 3),
+        detectable=np.full((n, 3), np.inf),
+        value=given.state.zero + value.reshape(n, 3),
+        covariance=root @ root.T,
+    )
+
+
+def _solved(
+    at: Linearised, given: Calibrated, step: FloatArray, std: FloatArray, changed: Cause | None
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """New zeros (3n,) less the calibration's, N, a root of their covariance; moves, their std.
+
+    With x = (calibrated parameters d, own ones, new zeros less the calibration's m), m ~ N(step,
+    std²), the residuals are −J x with the zeros' columns at m; m − d_zero is by how much they
+    moved. changed : of what the rig changed by nothing is known; zeros would take the part of it
+    that looks alike.
+    """
+    old, n = layout(at.sensors)["zero"], at.sensors
     J = np.concatenate([at.columns, at.zero_columns], axis=1)
-    J[:, zero] = 0.0
-    root = block_diagonal(given.root, at.own_root, np.diag(np.minimum(std, widest)))
+    J[:, old] = 0.0
+    root = block_diagonal(given.root, at.own_root, np.diag(std))
     unknown = np.concatenate([given.open, at.own_unknown, np.zeros(3 * n, dtype=np.bool_)])
-    unknown[zero] = False
+    unknown[old] = False
     aside = [] if changed is None else [unknown_columns(changed, at)]
     free = basis(np.concatenate([J[:, unknown], *aside], axis=1))
     B, r = J @ root, at.residual + at.zero_columns @ step
@@ -292,14 +323,6 @@ def _zeros(
     half = np.linalg.inv(np.linalg.cholesky(np.eye(B.shape[1]) + B.T @ B)).T
     spread = root @ half
     found = -spread @ (half.T @ (B.T @ r))
-    new, old = slice(len(root) - 3 * n, None), zero
-    value = step + found[new]
-    change_std = np.linalg.norm(spread[new] - spread[old], axis=1)
-    told = ~given.open[zero] & (change_std < widest / 2)
-    return Zeros(
-        moved=moved,
-        change=(value - found[old]).reshape(n, 3),
-        change_std=np.where(told, change_std, np.inf).reshape(n, 3),
-        value=given.state.zero + value.reshape(n, 3),
-        covariance=spread[new] @ spread[new].T,
-    )
+    new = slice(len(root) - 3 * n, None)
+    value, moves = step + found[new], spread[new] - spread[old]
+    return value, spread[new], value - found[old], np.linalg.norm(moves, axis=1)

@@ -43,6 +43,21 @@ def test_a_tare_is_told_with_its_size(turn: float) -> None:
     assert np.all(stats.chi2.cdf(total, RUNS) > 1e-4)
 
 
+def test_a_zero_that_moved_is_told_as_it_moved_and_as_surely_as_said() -> None:
+    """By what the log shows alone: what is stated, half a newton, draws nothing towards none."""
+    seen = 0
+    for t in range(RUNS):
+        held = world(TRIALS).held(t)
+        before = verdict(t, held).zeros
+        for size in (2.0, before.detectable[0, 0]):
+            shift = np.zeros((3, 3))
+            shift[0, 0] = size
+            v = verdict(t, replace(held, force=held.force + shift))
+            assert v.zeros.change - before.change == pytest.approx(shift, abs=1e-2 * size)
+            seen += v.zeros.moved or not v.holds
+    assert seen >= 2 * RUNS - 2
+
+
 def test_another_weighing_is_of_this_log_alone() -> None:
     """A load that the log's rig file states anew is no change where that is true of it."""
     held, given = world(TRIALS).held(0), world(TRIALS).given[0]
