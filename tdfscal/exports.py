@@ -152,7 +152,8 @@ def ros(c: Calibration, parent: str = BCS_FRAME) -> str:
 
 def csv_table(c: Calibration) -> str:
     """Return a row per sensor: r_xx … r_zz, zero, inv_sensitivity_xx … _zz, angles, standard
-    uncertainties; what is not known stays empty. The rest of a row is alike for all.
+    uncertainties, ends of the angles' 95 % intervals; what is not known stays empty. The rest of a
+    row is alike for all.
 
     F_bcs = r · inv_sensitivity · (F_sensor − zero), inv_sensitivity = (I + S)⁻¹ only where a
     sensitivity was estimated.
@@ -162,20 +163,25 @@ def csv_table(c: Calibration) -> str:
     zeros, angles = [f"zero_{a}_N" for a in "xyz"], [f"{angle}_deg" for angle in ANGLES]
     header = ["sensor", *(f"r_{e}" for e in entries), *zeros]
     header += [f"inv_sensitivity_{e}" for e in entries] if scaled else []
-    header += [*angles, *(f"std_{name}" for name in (*angles, *zeros)), "k"]
+    header += [*angles, *(f"std_{name}" for name in (*angles, *zeros))]
+    header += [*(f"{end}_95_{name}" for end in ("low", "high") for name in angles), "k"]
     common = {
         "status": c.status,
         "measured": c.measured.told[1],
+        "measured_by": c.measured.source,
         "created": c.created,
         "software": f"{c.software.name} {c.software.version}",
         "content_sha256": report_digest(c) or "",
         "convention": c.convention,
+        "taken_as_exact": exact_names(c),
         "remarks": "; ".join(cautions(c)),
     }
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow([*header, *common])
     for i, support in enumerate(c.supports):
+        ends = support.rpy_interval
+        interval = [[None] * 3] * 2 if ends is None else [ends.low, ends.high]
         numbers = [
             *(c.rotation[i].ravel() if support.determined else [None] * 9),
             *support.zero,
@@ -183,6 +189,7 @@ def csv_table(c: Calibration) -> str:
             *np.degrees(c.rpy[i]),
             *np.degrees(np.array(support.rpy_std, dtype=np.float64)),
             *support.zero_std,
+            *np.degrees(np.array(interval, dtype=np.float64).ravel()),
         ]
         cells = map(csv_cell, (support.name, *map(visible, common.values())))
         writer.writerow([next(cells), *map(number, numbers), "1", *cells])

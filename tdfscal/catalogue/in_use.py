@@ -84,8 +84,8 @@ IN_USE: dict[str, Entry] = {
     **entries("""
 campaigns-changed rejects
   {said}
-  -> calibrate each part by itself: {apart}{creeps:; or declare drift.angle, where this pace
-    is the rig's own|}
+  -> calibrate {parts:each part|what came after it} by itself: {apart}{creeps:; or declare
+    drift.angle, where this pace is the rig's own|}
 """),
     **_CHANGES,
     **entries("""

@@ -285,9 +285,9 @@ registration-unsettled refuses
   the registration found no minimum
 registration-open refuses
   the points do not determine the rotation about ({axis}) in the measured frame:
-  {bounded:±{number:.2g} rad|without bound}; within their uncertainty they lie on one line or in one
-  place
-  -> measure at least three points that span a plane
+  {bounded:±{number:.2g} rad|without bound}; within their uncertainty and their residuals they lie
+  on one line or in one place, or both sets are of no one body
+  -> measure at least three points that span a plane, and see that both sets are of the same ones
 points-mirrored refuses
   the measured points are the mirror image of the reference: no rotation takes one to the other, a
   reflection does

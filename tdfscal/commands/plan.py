@@ -78,7 +78,11 @@ Count = Annotated[
 ]
 Target = Annotated[
     float | None,
-    Option("as many postures as bring every angle within this, mrad", metavar="MRAD", least=1e-6),
+    Option(
+        "as many postures as bring every angle within ± this (95 %), mrad",
+        metavar="MRAD",
+        least=1e-6,
+    ),
 ]
 Tilt = Annotated[float, Option("largest tilt, degrees", metavar="DEG", least=0, below=46)]
 Squeeze = Annotated[float, Option("largest internal force at any NCP, N", metavar="N", least=0)]

@@ -225,7 +225,7 @@ def calibrate_several(
         before_them = [replace(earlier, month=month)]
     pooled = pool([*before_them, *reads])
     life, _ = life_of(read.rig, pooled)
-    changes, pooled = _changes(life, pooled)
+    changes, pooled = _changes(life, pooled, len(before_them))
     at = pooled.index(last)
     known_before = pooled.others(at)
     if not (read.rig.drift.angle or changes):
@@ -313,15 +313,24 @@ def _campaigns(reads: Sequence[Judged], pooled: Pool) -> Iterator[CampaignResult
         )
 
 
-def _changes(life: Life, pooled: Pool) -> tuple[list[Finding], Pool]:
-    """Why the campaigns are not of one state; and the pool, knowing what turned between them."""
+def _changes(life: Life, pooled: Pool, done: int) -> tuple[list[Finding], Pool]:
+    """Why the campaigns are not of one state; and the pool, knowing what turned between them.
+
+    done : how many of the first are calibrations already.
+    """
     alarms = life.alarms
     edges = [0, *sorted({alarm.onset for alarm in alarms}), len(life.names)]
     names = short(life.names)
     apart = [
-        names[a] if b - a == 1 else f"{names[a]} to {names[b - 1]}" for a, b in pairwise(edges)
+        names[a] if b - a == 1 else f"{names[a]} to {names[b - 1]}"
+        for a, b in pairwise(max(edge, done) for edge in edges)
+        if a < b
     ]
-    values: dict[str, Value] = {"apart": apart, "creeps": any(a.kind == "creep" for a in alarms)}
+    values: dict[str, Value] = {
+        "apart": apart,
+        "parts": len(apart) > 1,
+        "creeps": any(a.kind == "creep" for a in alarms),
+    }
     steps = [a + b for a, b in zip(pooled.walk.steps, life.jumps, strict=True)]
     found = [
         Finding(

@@ -12,6 +12,7 @@ import numpy as np
 from tdfscal.errors import NotIdentifiableError, UsageError
 from tdfscal.estimation.observability import PRIOR_SHARE
 from tdfscal.frozen import record, replace
+from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.numerics.information import inverse
 from tdfscal.planning.candidates import Candidates, Request, check_noise, draw
 from tdfscal.planning.predicted_information import (
@@ -167,8 +168,8 @@ def make_plan(
 ) -> Plan:
     """Choose postures and squeezes by exchange over a random pool.
 
-    postures : how many to drive; None: as few as bring every angle within `target`, rad, else as
-    many as is usual, or more where the rig file's limits of the contact wrench ask for more.
+    postures : how many to drive; None: as few as bring every angle within ± `target`, rad, with
+    95 %, else as many as is usual, or more where the rig file's limits of the contact wrench ask.
     progress : told how many postures are tried.
 
     Raises
@@ -180,11 +181,13 @@ def make_plan(
     if postures is None and target is not None:
         if not 0.0 < target < np.inf:
             raise UsageError(f"the target is {target:g} rad", hint="give a number above zero")
-        postures = planner.fewest(lambda found: found.largest / target, 0, progress)
+        postures = planner.fewest(
+            lambda found: INTERVAL_FACTOR * found.largest / target, 0, progress
+        )
         if postures > planner.most:
             raise NotIdentifiableError(
                 f"{planner.most} postures do not bring the weakest angle within "
-                f"{1e3 * target:.3g} mrad, which is asked for",
+                f"± {1e3 * target:.3g} mrad (95 %), which is asked for",
                 hint="squeeze harder, average longer, or know zeros, mass and barycentre better",
             )
     elif postures is None and rig.acceptance.states_contact:

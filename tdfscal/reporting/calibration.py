@@ -87,7 +87,7 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         title=titled(c),
         subtitle=f"{layout.METHODS[c.method]}{linear} of {len(c.supports)} sensors from {names}"
         + measured_on(c),
-        verdict="; ".join((c.status.upper(), *_turned(c))),
+        verdict="; ".join((c.status.upper(), *(["UNSEALED"] if c.unsealed else []), *_turned(c))),
         accepted=c.accepted,
         provisional=c.status == "provisional" or c.unsealed or bool(_turned(c)),
         claim=headline(c) if c.accepted else "",

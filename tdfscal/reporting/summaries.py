@@ -11,11 +11,12 @@ import numpy as np
 from tdfscal.catalogue import sentence, told
 from tdfscal.catalogue.numbers import measured, places, quantity, rounded, to_place, when, with_std
 from tdfscal.findings import Finding, rejecting, unfit
+from tdfscal.numerics.distributions import INTERVAL_FACTOR, coverage_factor
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
 from tdfscal.reporting.layout import Block, Facts, Report, Section, Table
 from tdfscal.reporting.traceability import certificates
-from tdfscal.significance import COVERAGE_FACTOR
+from tdfscal.significance import COVERAGE_FACTOR, INTERVAL_COVERAGE
 from tdfscal.wrench.contact_wrench import COMPONENTS
 
 if TYPE_CHECKING:  # each command loads its own
@@ -196,13 +197,13 @@ def plan_report(plan: Plan | MovingPlan, findings: Sequence[Finding]) -> Report:
     from tdfscal.planning.motion import MovingPlan
 
     rows = tuple(
-        (name, *(_number(1e3 * v, ".3f", "–") for v in row))
+        (name, *(_number(1e3 * INTERVAL_FACTOR * v, ".3f", "–") for v in row))
         for name, row in zip(plan.rig.supports, plan.expected.rpy_std, strict=True)
     )
-    caption = "Standard uncertainty to expect of the installation angles, mrad"
+    caption = "Half of the 95 % interval to expect of the installation angles, mrad"
     table = Table(caption, ("sensor", *ANGLES), rows)
     title, drive, contact, used = _motion(plan) if isinstance(plan, MovingPlan) else _postures(plan)
-    mean = f"On average {measured(1e3 * plan.expected.mean, 3)} mrad."
+    mean = f"On average ± {measured(1e3 * INTERVAL_FACTOR * plan.expected.mean, 3)} mrad."
     expected = Section("What to expect", (table, *contact, f"{mean} {used}"))
     return Report(title, drive, sections=(expected,), warnings=tuple(map(told, findings)))
 
@@ -308,15 +309,17 @@ def registration_report(r: PointRegistration, of_files: Sequence[Finding]) -> Re
     """
     names = *(f"{angle}, mrad" for angle in ANGLES), *(f"translation {axis}, mm" for axis in "xyz")
     stds = (*r.rpy_std, *r.translation_std)
+    k = float(coverage_factor(INTERVAL_COVERAGE, r.noise_dof))
     values = tuple(
-        (name, *(to_place(1e3 * v, places(1e3 * std)) for v in (value, std)))
+        (name, *(to_place(1e3 * v, places(1e3 * std)) for v in (value, std, k * std)))
         for name, value, std in zip(names, (*r.rpy, *r.translation), stds, strict=True)
     )
     residuals = tuple(
         (name, *(to_place(1e3 * v, 4) for v in (*d, np.linalg.norm(d))))
         for name, d in zip(r.names, r.residual, strict=True)
     )
-    rotation = tuple(tuple(to_place(v, 12, "+") for v in row) for row in r.rotation)
+    known = places(float(r.rpy_std.min()))
+    rotation = tuple(tuple(to_place(v, known, "+") for v in row) for row in r.rotation)
     scale = f"1 + ({with_std(1e6 * (r.scale - 1), 1e6 * r.scale_std)}) ppm (not applied)"
     if r.chi2 is None or r.p_value is None:
         noise = f"{rounded(1e3 * r.sigma, 3)} mm per coordinate" if r.sigma is not None else "none"
@@ -325,7 +328,7 @@ def registration_report(r: PointRegistration, of_files: Sequence[Finding]) -> Re
         fit = ("Fit", layout.chi_squared(r.chi2, r.dof, r.p_value))
     blocks = (
         Table(f"{_CONVENTION}; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
-              ("", "value", "std. unc."), values),
+              ("", "value", "std. unc.", f"± (95 %, k = {k:.2f})"), values),
         Table("Rotation, by rows", ("", "", ""), rotation, left=0),
         Table("Residuals, mm", ("point", "x", "y", "z", "length"), residuals),
         Facts((fit, ("Scale", scale))),
@@ -345,8 +348,8 @@ def registration_document(r: PointRegistration) -> dict[str, Any]:
     """Return plain JSON values; m and rad."""
     return layout.document(
         r,
-        "rotation rpy rpy_std translation translation_std rms chi2 dof p_value sigma scale "
-        "scale_std coplanar missing extra",
+        "rotation rpy rpy_std translation translation_std noise_dof rms chi2 dof p_value sigma "
+        "scale scale_std coplanar missing extra",
         convention=_CONVENTION,
         covariance={
             "definition": "of (d, t) with R_true = exp([d]x) · rotation, d in the measured frame; "

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 
 import numpy as np
 
-from tdfscal.errors import NotIdentifiableError
+from tdfscal.errors import NotConvergedError, NotIdentifiableError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record
-from tdfscal.numerics import so3
+from tdfscal.numerics import registration, so3
 from tdfscal.numerics.distributions import chi2_sf
-from tdfscal.numerics.registration import Registration, extend
+from tdfscal.numerics.registration import MirroredError, Registration, extend
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.significance import SCALE_DIFFERS
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey
@@ -31,6 +32,7 @@ class PointRegistration:
 
     rotation : (3, 3), det = +1. rpy, rpy_std : (3,), rad. translation, translation_std : (3,), m.
     covariance : (6, 6) of (d, t), R_true = exp([d]×) · rotation, d in the measured frame; rad, m.
+    noise_dof : degrees of freedom that tell the noise, ∞ as stated.
     chi2, p_value : None where no uncertainty was stated; sigma : m per coordinate, estimated from
     the residuals then, else None. residual : (N, 3), m, of the points `names`.
     scale : that of the reference that would fit best, with its standard uncertainty; not applied.
@@ -44,6 +46,7 @@ class PointRegistration:
     translation: FloatArray
     translation_std: FloatArray
     covariance: FloatArray
+    noise_dof: float
     chi2: float | None
     dof: int
     p_value: float | None
@@ -86,11 +89,15 @@ def register(
         if len(matched.groups) < 2:
             raise
         raise error.restated(hint=Finding("groups-apart", matched.groups)) from error
-    fit, covariance = survey.fit, survey.fit.covariance
+    fit, moved = survey.fit, _groups_moved(survey)
     ratio, ratio_std = _scale_beside(fit)
+    grown = 1.0 if moved else _grown(survey, (ratio / ratio_std) ** 2)
+    covariance, ratio_std = grown * fit.covariance, np.sqrt(grown) * ratio_std
     found = [*unmatched(matched), *_doubts(survey)]
-    if (misfit := _groups_moved(survey) or _scale_differs(ratio, ratio_std)) is not None:
+    if (misfit := moved or _scale_differs(ratio, ratio_std)) is not None:
         found.append(misfit)
+    if grown > 1.0:
+        found.append(Finding("survey-scatters", ("points",), float(np.sqrt(grown))))
     if instrument is not None and MEASURED_FILE in noise.measured:
         found.append(Finding("uncertainty-from-file"))
     J = so3.rpy_jacobian(fit.rotation)
@@ -102,6 +109,7 @@ def register(
         translation=fit.translation[0],
         translation_std=np.sqrt(np.diag(covariance)[3:]),
         covariance=covariance,
+        noise_dof=fit.dof if grown > 1.0 or fit.sigma is not None else np.inf,
         chi2=None if fit.sigma is not None else fit.chi2,
         dof=fit.dof,
         p_value=fit.p_value,
@@ -116,6 +124,24 @@ def register(
         extra=matched.extra,
         findings=tuple(found),
     )
+
+
+def _grown(survey: SurveyFit, by_scale: float) -> float:
+    """How many times as large as stated the noise's variance is, by the residuals; 1 as stated.
+
+    by_scale : by how much a scale of the reference would lower χ².
+
+    Raises NotIdentifiableError where by such residuals the points determine no rotation: they are
+    of no one body.
+    """
+    fit = survey.fit
+    rest, dof = fit.chi2 - by_scale, fit.dof - 1
+    if fit.p_value is None or dof < 1 or chi2_sf(rest, dof) >= SCALE_DIFFERS:
+        return 1.0
+    measured, reference = survey.points.measured.xyz, survey.points.reference.xyz
+    with suppress(MirroredError, NotConvergedError):
+        registration.register(measured, reference)
+    return float(rest / dof)
 
 
 def _doubts(survey: SurveyFit) -> Iterator[Finding]:

@@ -76,6 +76,14 @@ def test_impossible_requests_are_refused() -> None:
         make_plan(silent, Request(limits(rig), noise=0.0), 8, RNG(9))
 
 
+def test_a_target_is_half_a_95_percent_interval() -> None:
+    rig = reference_rig()
+    request = Request(limits(rig, squeeze=800.0, stiffness=STIFFNESS), noise=1.0, candidates=60)
+    few = make_plan(rig, request, None, RNG(1), target=1e-3)
+    assert 1.96 * few.expected.largest <= 1e-3
+    assert 1.96 * make_plan(rig, request, len(few) - 1, RNG(1)).expected.largest > 0.95e-3
+
+
 def problem(seed: int, count: int = 9) -> tuple[FloatArray, FloatArray, FloatArray]:
     rng = np.random.default_rng(seed)
     J = rng.normal(size=(count, 2, 5)) * rng.uniform(0.2, 3.0, (count, 1, 5))

@@ -15,12 +15,12 @@ LABELS = ["A", "B", "C", "D", "E", "F", "G", "H"]
 
 
 def pair(
-    seed: int, count: int = 6, noise: float = 1e-5, std: bool = True
+    seed: int, count: int = 6, noise: float = 1e-5, std: float | None = 1.0
 ) -> tuple[PointSet, PointSet, FloatArray, FloatArray]:
     rng = np.random.default_rng(seed)
     x, R, t = rng.uniform(-0.5, 0.5, size=(count, 3)), rotation(rng), np.array([4.0, 1.0, 0.5])
     y = x @ R.T + t + noise * rng.normal(size=x.shape)
-    stated = np.full_like(y, noise) if std else None
+    stated = None if std is None else np.full_like(y, noise * std)
     group = ["frame"] * count
     return points(group, LABELS[:count], y, stated), points(group, LABELS[:count], x), R, t
 
@@ -29,8 +29,9 @@ def turned(truth: FloatArray, result: PointRegistration) -> float:
     return squared(error_vector(truth, result.rotation), result.covariance[:3, :3])
 
 
-@pytest.mark.parametrize("std", [True, False])
-def test_transform_and_its_uncertainty(std: bool) -> None:
+@pytest.mark.parametrize("std", [1.0, None, 0.1])
+def test_transform_and_its_uncertainty(std: float | None) -> None:
+    """By what is stated, or by the residuals: where nothing is, or far too little."""
     total = 0.0
     for seed in range(30):
         measured, reference, R, t = pair(seed, std=std)
@@ -38,9 +39,9 @@ def test_transform_and_its_uncertainty(std: bool) -> None:
         d = np.concatenate([error_vector(R, result.rotation), t - result.translation])
         total += squared(d, result.covariance)
     low, high = chi2_bounds(180)
-    if not std:
+    if std != 1.0:
         # With noise estimated on 12 degrees of freedom, each sixth is F(6, 12): mean 6/5,
-        # variance 24/25.
+        # variance 24/25. A scale beside takes one more.
         low, high = (6 * (30 * 1.2 + sign * 3.7 * np.sqrt(30 * 0.96)) for sign in (-1, 1))
     assert low < total < high
 
@@ -59,8 +60,8 @@ def test_permuted_names_are_found() -> None:
     ("factor", "said"),
     [(1e3, r"mm read as m\?"), (25.4, "inches read as mm"), (1 / 0.0254, r"inches read as m\?")],
 )
-@pytest.mark.parametrize("std", [True, False])
-def test_wrong_units_are_named(factor: float, said: str, std: bool) -> None:
+@pytest.mark.parametrize("std", [1.0, None])
+def test_wrong_units_are_named(factor: float, said: str, std: float | None) -> None:
     measured, reference, _, _ = pair(6, std=std)
     for a, b in (
         (replace(measured, xyz=measured.xyz * factor), reference),
@@ -84,6 +85,10 @@ def test_mirror_and_line_are_refused() -> None:
     measured, reference, _, _ = pair(8)
     with pytest.raises(DataError, match="mirror"):
         register(replace(measured, xyz=measured.xyz * [1, 1, -1]), reference)
+    other = np.random.default_rng(1).uniform(-0.5, 0.5, (6, 3))
+    for std in (measured.std, None):
+        with pytest.raises(NotIdentifiableError, match="no one body"):
+            register(replace(measured, std=std, xyz=other), reference)
     line = np.arange(6)[:, None] * [0.1, 0.2, 0] + 1e-7 * np.eye(6)[:, :3]
     seen = line + 1e-5 * np.random.default_rng(1).normal(size=(6, 3))
     with pytest.raises(NotIdentifiableError, match="line"):
