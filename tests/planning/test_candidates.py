@@ -46,15 +46,6 @@ def test_every_limit_is_kept() -> None:
     assert (np.abs(pool.force) + margin).max(axis=(0, 1))[0] > 0.9 * 300.0 * 0.99
 
 
-def test_weight_beyond_a_limit_is_named() -> None:
-    rig = reference_rig()
-    with pytest.raises(UsageError, match=r"the weight alone puts .* on ncp"):
-        draw(rig, limits(rig, force=1000.0), 50, RNG(5))
-    weak = replace(rig, capacity=np.full((3, 3), 1000.0))
-    with pytest.raises(UsageError, match="capacity"):
-        draw(weak, limits(weak), 50, RNG(5))
-
-
 def test_travel_by_support() -> None:
     rig = reference_rig()
     travel = travel_limits(rig, ["ncp2=0.1,0.2,0.3", 0.05])

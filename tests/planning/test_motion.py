@@ -10,7 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import tdfscal
-from tdfscal.errors import NotIdentifiableError, UsageError
+from tdfscal.errors import UsageError
 from tdfscal.files.writers.campaign import simulate_to_folder
 from tdfscal.motioncal.pipeline import calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
@@ -143,22 +143,3 @@ def test_the_files_and_the_command(tmp_path: Path, cli: Cli) -> None:
     assert dx == pytest.approx([0.0] * 201, abs=0.02)
     with pytest.raises(UsageError, match="of postures"):
         tdfscal.plan(folder, motion=True, postures=8)
-
-
-@pytest.mark.parametrize(
-    ("change", "error", "word"),
-    [
-        ({"limits": replace(LIMITS, force=1000.0)}, UsageError, "weight alone"),
-        pytest.param(
-            {"limits": replace(LIMITS, squeeze=0.0, stiffness=None)},
-            NotIdentifiableError,
-            "motion within these limits",
-            marks=pytest.mark.slow,
-        ),
-    ],
-    ids=["too weak", "nothing squeezes"],
-)
-def test_what_cannot_be(change: dict[str, object], error: type[Exception], word: str) -> None:
-    request = replace(REQUEST, **({"duration": 20.0} | change))  # type: ignore[arg-type]
-    with pytest.raises(error, match=word):
-        plan_motion(RIG, request, np.random.default_rng(0))

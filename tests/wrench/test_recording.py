@@ -4,8 +4,6 @@ import shutil
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
-import numpy as np
-import pyarrow.parquet as pq
 import pytest
 import yaml
 from mcap.reader import make_reader
@@ -24,10 +22,6 @@ def applied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("w.parquet", "w.mcap"):
         tdfscal.apply(home / "c.yaml", home / "campaign", output=home / name, to="+10")
     return home
-
-
-def table(folder: Path) -> dict[str, np.ndarray]:
-    return {k: np.array(v) for k, v in pq.read_table(folder / "w.parquet").to_pydict().items()}
 
 
 def frames(path: Path) -> set[str]:

@@ -121,15 +121,6 @@ def test_a_wrench_at_most_stops_is_told_and_a_touch_at_some_is_not(
     assert (stops.beyond(noises[0]) is not None) == told
 
 
-def test_without_the_noise_samples_would_not() -> None:
-    """Negative control: the calibration's part alone."""
-    recorded, start, end = log("white", 1)
-    (piece,) = at_rest(GIVEN, aligned([recorded], Tally()))
-    rows = (piece.time > start[0] + 0.8) & (piece.time < end[0])
-    inside = np.abs(piece.value) < 1.96 * piece.calibration_std
-    assert np.mean(inside[rows]) < 0.5
-
-
 def test_moments_about_a_point_are_those_about_the_origin_carried_over() -> None:
     point = np.array([0.2, -0.1, 0.3])
     rig = replace(GIVEN.rig, inertia=UncertainValue.exact(np.diag([60.0, 70.0, 90.0])))
