@@ -183,7 +183,7 @@ def read_table(text: str, source: str) -> Table:
     lines = _split(text)
     data = [line for line in lines if not line.comment]
     delimiter = _delimiter_of(data[-1].text) if data else ","
-    header = _header(lines, delimiter)
+    header, named = _header(lines, delimiter)
     begin = 0 if header is None or header.comment else header.number
     rows = [(x.number, _cells_of(x.text, delimiter)) for x in data if x.number > begin]
     if not rows:
@@ -192,7 +192,7 @@ def read_table(text: str, source: str) -> Table:
     unit, axes, coverage = _stated((x for x in lines if x.comment or x.number <= begin), source)
     number, first = rows[0]
     if header is not None:
-        columns = _columns(_header_cells(header, delimiter), f"{source}, line {header.number}")
+        columns = _columns(named, f"{source}, line {header.number}")
     elif axes and len(first) in (5, 6):  # of SpatialAnalyzer
         names = ("Collection", "group", "point", "x", "y", "z")[-len(first) :]
         roles = [name.removeprefix("Collection") for name in names]
@@ -266,25 +266,20 @@ def _cells_of(line: str, delimiter: str) -> list[str]:
     return cells
 
 
-def _header(lines: Sequence[Line], delimiter: str) -> Line | None:
-    """The line that names x, y and z: among the first of the file, or a comment."""
+def _header(lines: Sequence[Line], delimiter: str) -> tuple[Line | None, list[str]]:
+    """The line that names x, y and z, among the first of the file or a comment; its names."""
     data = [line for line in lines if not line.comment][:_PREAMBLE]
     comments = [line for line in lines if line.comment and "=" not in line.text]
     wanted = {("coordinate", axis) for axis in "xyz"}
     for line in (*data, *comments):
-        if wanted <= {named[:2] for named in map(_named, _header_cells(line, delimiter)) if named}:
-            return line
-    return None
-
-
-def _header_cells(line: Line, delimiter: str) -> list[str]:
-    """Names of the columns; SpatialAnalyzer's comment may be delimited otherwise than the rows.
-
-    A name may be bracketed as optional, alone or with its neighbours: `[U-x`, `U-z]`.
-    """
-    own = _delimiter_of(line.text) if line.comment else delimiter
-    names = [name.removeprefix("[") for name in _cells_of(_SIGMA.sub("", line.text), own)]
-    return [n[:-1] if n.endswith("]") and n.count("]") > n.count("[") else n for n in names]
+        # SpatialAnalyzer's comment may be delimited otherwise than the rows, and a name bracketed
+        # as optional, alone or with its neighbours: `[U-x`, `U-z]`.
+        own = _delimiter_of(line.text) if line.comment else delimiter
+        names = [name.removeprefix("[") for name in _cells_of(_SIGMA.sub("", line.text), own)]
+        names = [n[:-1] if n.endswith("]") and n.count("]") > n.count("[") else n for n in names]
+        if wanted <= {named[:2] for named in map(_named, names) if named}:
+            return line, names
+    return None, []
 
 
 def _columns(names: Sequence[str], where: str) -> dict[str, Any]:
