@@ -35,15 +35,7 @@ from tdfscal.model.dynamics import DELAY, RATE
 from tdfscal.motioncal.pipeline import MotionCalibration, calibrate_moving
 from tdfscal.motioncal.streams import slow_streams
 from tdfscal.numerics import so3
-from tdfscal.records import (
-    ClockPrior,
-    FloatArray,
-    Log,
-    RecorderClock,
-    Rig,
-    Series,
-    UncertainValue,
-)
+from tdfscal.records import ClockPrior, FloatArray, Log, RecorderClock, Rig, Series, UncertainValue
 from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import MOVING, Options, Recorder, Run, reference_rig, run
 from tests.cli.apart import Apart, recorded_apart, write_apart

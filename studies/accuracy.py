@@ -13,13 +13,7 @@ from matplotlib.figure import Figure
 from studies import campaigns
 from studies.campaigns import METHODS, Setting
 from studies.frame import Beside, Cell, Study, Table
-from studies.statistics import (
-    FALSE_BIAS,
-    bias_probability,
-    deviation,
-    jackknife,
-    mean,
-)
+from studies.statistics import FALSE_BIAS, bias_probability, deviation, jackknife, mean
 from tdfscal.errors import NotConvergedError
 from tdfscal.records import ANGLES, FloatArray, Rig
 from tdfscal.reporting.figures import style

@@ -29,13 +29,7 @@ from tdfscal.estimation.exact_quantities import OF_THE_TERMINAL
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import stated
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import (
-    among_constants,
-    free_constants,
-    of_load,
-    same_load,
-    tare_std,
-)
+from tdfscal.model.calibrated import among_constants, free_constants, of_load, same_load, tare_std
 from tdfscal.model.parameters import State
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Information, contrast, nothing

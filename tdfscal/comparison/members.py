@@ -13,12 +13,7 @@ import numpy as np
 
 from tdfscal.estimation.exact_quantities import exact_rows
 from tdfscal.estimation.fit import Priors
-from tdfscal.estimation.observation import (
-    Observation,
-    eliminate,
-    of_estimate,
-    stated,
-)
+from tdfscal.estimation.observation import Observation, eliminate, of_estimate, stated
 from tdfscal.frozen import field, record, replace
 from tdfscal.model.calibrated import (
     Calibrated,
@@ -31,13 +26,7 @@ from tdfscal.model.calibrated import (
 from tdfscal.model.parameters import CONSTANTS, State, deviation, retract
 from tdfscal.model.statics import Postures
 from tdfscal.numerics.information import Information, without
-from tdfscal.records import (
-    BoolArray,
-    ExactMoves,
-    FloatArray,
-    IntArray,
-    Rig,
-)
+from tdfscal.records import BoolArray, ExactMoves, FloatArray, IntArray, Rig
 from tdfscal.selfcal.estimator import Fit, at_state
 
 

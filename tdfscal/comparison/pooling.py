@@ -26,13 +26,7 @@ from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.observation import Observation, unstated
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import (
-    joint_prior,
-    loosened,
-    same_tare,
-    tare_std,
-    turned,
-)
+from tdfscal.model.calibrated import joint_prior, loosened, same_tare, tare_std, turned
 from tdfscal.model.parameters import (
     State,
     layout,

@@ -11,13 +11,7 @@ from scipy.special import ndtri
 
 from tdfscal.dwells.bins import Bins, reduce_to_bins, zeros
 from tdfscal.dwells.clock_offset import misaligned, motion_offset, with_offset
-from tdfscal.dwells.dwell_means import (
-    Extent,
-    Moments,
-    Thermometer,
-    dwell_moments,
-    still_since,
-)
+from tdfscal.dwells.dwell_means import Extent, Moments, Thermometer, dwell_moments, still_since
 from tdfscal.dwells.field import SHORTEST, Field, prepare, within
 from tdfscal.dwells.noise_level import runs
 from tdfscal.dwells.search import INTERRUPTED, search

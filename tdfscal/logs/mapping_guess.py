@@ -11,14 +11,7 @@ import numpy as np
 from tdfscal.files.rig.draft import named_supports
 from tdfscal.files.rig.recorders import LogBlock, LogTime, SupportFields, by_scale, unit_factor
 from tdfscal.frozen import record, replace
-from tdfscal.logs.contents import (
-    Contents,
-    Vector,
-    force_unit,
-    length_unit,
-    resampled,
-    time_unit,
-)
+from tdfscal.logs.contents import Contents, Vector, force_unit, length_unit, resampled, time_unit
 from tdfscal.logs.formats import natural
 from tdfscal.logs.messages.buffer import topic_of
 from tdfscal.numerics import so3

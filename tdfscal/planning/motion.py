@@ -23,14 +23,7 @@ from tdfscal.motioncal.rows import NoiseModel
 from tdfscal.motioncal.streams import Slow
 from tdfscal.numerics import so3
 from tdfscal.numerics.information import inverse
-from tdfscal.planning.candidates import (
-    Candidates,
-    Limits,
-    check_noise,
-    hanging,
-    room,
-    too_heavy,
-)
+from tdfscal.planning.candidates import Candidates, Limits, check_noise, hanging, room, too_heavy
 from tdfscal.planning.predicted_information import Forecast
 from tdfscal.records import ANGLES, FloatArray, Rig, UncertainValue
 

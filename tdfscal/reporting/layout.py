@@ -14,14 +14,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, cast
 
 from tdfscal.catalogue import sentence
-from tdfscal.catalogue.numbers import (
-    measured,
-    p_text,
-    rounded,
-    two_digits,
-    typeset,
-    with_std,
-)
+from tdfscal.catalogue.numbers import measured, p_text, rounded, two_digits, typeset, with_std
 from tdfscal.errors import visible, without_exponent
 from tdfscal.files.saving import plain as as_json
 from tdfscal.findings import Finding

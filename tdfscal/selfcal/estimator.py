@@ -28,12 +28,7 @@ from tdfscal.model.statics import (
 )
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
-from tdfscal.numerics.least_squares import (
-    STEPS,
-    Solution,
-    block_diagonal,
-    triangular,
-)
+from tdfscal.numerics.least_squares import STEPS, Solution, block_diagonal, triangular
 from tdfscal.records import FloatArray, IntArray, Rig, UncertainValue
 from tdfscal.significance import OF_CAPACITY
 

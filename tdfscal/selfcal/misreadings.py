@@ -31,12 +31,7 @@ from tdfscal.numerics.rotation_fits import descend, stacked
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.changes import find_change
 from tdfscal.selfcal.estimator import Fit, fit, spread
-from tdfscal.selfcal.mounting_search import (
-    apart,
-    linear_in_rotations,
-    robust_cost,
-    turns_from,
-)
+from tdfscal.selfcal.mounting_search import apart, linear_in_rotations, robust_cost, turns_from
 from tdfscal.significance import BETTER, CAUSES_APART, MOST_POSTURES
 
 #: Share of a tare by which it may miss the load, at most.

@@ -25,16 +25,7 @@ from tdfscal.numerics.distributions import chi2_sf, normal_quantile
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_fits import descend
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.selfcal.estimator import (
-    LOOK,
-    ROWS,
-    Fit,
-    Problem,
-    at_state,
-    fit,
-    spread,
-    statistic,
-)
+from tdfscal.selfcal.estimator import LOOK, ROWS, Fit, Problem, at_state, fit, spread, statistic
 from tdfscal.significance import AMBIGUOUS_MOUNTING
 
 

@@ -46,11 +46,7 @@ from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import covariance_root
 from tdfscal.records import FloatArray
 from tdfscal.selfcal.estimator import ROWS, Fit
-from tdfscal.significance import (
-    MISFIT,
-    UNDECLARED_ERROR,
-    UNDECLARED_FRICTION_SHARE,
-)
+from tdfscal.significance import MISFIT, UNDECLARED_ERROR, UNDECLARED_FRICTION_SHARE
 
 
 def suspicions(

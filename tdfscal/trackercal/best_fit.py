@@ -17,13 +17,7 @@ from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.significance import SCALE_DIFFERS
 from tdfscal.trackercal.judged_registration import RejectedPoint, SurveyFit, fit_survey
 from tdfscal.trackercal.noise import MEASURED_FILE, point_noise
-from tdfscal.trackercal.point_matching import (
-    LISTED,
-    Match,
-    match_points,
-    relabellings,
-    unmatched,
-)
+from tdfscal.trackercal.point_matching import LISTED, Match, match_points, relabellings, unmatched
 
 
 @record

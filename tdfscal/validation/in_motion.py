@@ -41,11 +41,7 @@ from tdfscal.selfcal.preparation import check_positions
 from tdfscal.validation.causes import Cause
 from tdfscal.validation.residual_wrench import judged_by, refuse_misread
 from tdfscal.validation.residuals import Course, Linearised, moving_zeros
-from tdfscal.validation.verdict import (
-    Judged,
-    Verdict,
-    judged_with_zeros,
-)
+from tdfscal.validation.verdict import Judged, Verdict, judged_with_zeros
 
 
 @record(kw_only=True)

@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 
 import tdfscal
-from tdfscal.checks.shared_data import (
-    Readings,
-    Recorded,
-    Relation,
-    readings,
-    relation,
-    repeated,
-)
+from tdfscal.checks.shared_data import Readings, Recorded, Relation, readings, relation, repeated
 from tdfscal.comparison.compatibility import Nested, combine, compare_pair
 from tdfscal.dwells import find_dwells
 from tdfscal.files.writers.campaign import simulate_to_folder

@@ -13,12 +13,7 @@ from tdfscal.records import FloatArray, Log, Series, UncertainValue
 from tdfscal.simulation import Contact, Faults, Options, Recorder, simulate_campaign
 from tdfscal.wrench.contact_wrench import at_rest, wrenches
 from tdfscal.wrench.filtering import filter_for, filtered
-from tdfscal.wrench.wrench_noise import (
-    SampleNoise,
-    StopWrenches,
-    take_head,
-    with_sample_noise,
-)
+from tdfscal.wrench.wrench_noise import SampleNoise, StopWrenches, take_head, with_sample_noise
 
 from .held_out import RIG, world
 

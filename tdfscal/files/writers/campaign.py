@@ -16,15 +16,7 @@ from tdfscal.files.rig.reading import DRIFT_UNITS
 from tdfscal.files.saving import to_yaml, write_text
 from tdfscal.files.writers.logs import LogFormat, write_log
 from tdfscal.records import CampaignInfo, Drift, Rig, SensorInfo, TrackerSession
-from tdfscal.simulation import (
-    MOVING,
-    Campaign,
-    Options,
-    Run,
-    SurveyOptions,
-    reference_rig,
-    run,
-)
+from tdfscal.simulation import MOVING, Campaign, Options, Run, SurveyOptions, reference_rig, run
 from tdfscal.simulation.options import MovingOptions
 from tdfscal.simulation.scenarios import simulate_months
 

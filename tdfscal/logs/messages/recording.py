@@ -15,15 +15,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Schema
 
 from tdfscal.errors import DataError
-from tdfscal.logs.contents import (
-    SAMPLES,
-    Contents,
-    Field,
-    Format,
-    Stream,
-    Vector,
-    extremes,
-)
+from tdfscal.logs.contents import SAMPLES, Contents, Field, Format, Stream, Vector, extremes
 from tdfscal.logs.log_file import Block, LogFile, Piece, Request, reason
 from tdfscal.logs.messages.buffer import Leaf, Messages, Named, Read, path_text
 from tdfscal.logs.messages.topics import UNREADABLE, Ros, Topics, encoding_of
