@@ -18,6 +18,7 @@ from tdfscal.motioncal.blocks import Across, Block, ComplexArray, across, filled
 from tdfscal.motioncal.rows import UNSTATED, Bins, NoiseModel, Rows
 from tdfscal.motioncal.streams import Slow, after_middle, course_of
 from tdfscal.numerics import so3
+from tdfscal.numerics.least_squares import covariance_root
 from tdfscal.records import FloatArray, Rig
 
 #: Below this angular speed, rad/s, a hinge sticks and its friction is whatever it has to be.
@@ -179,7 +180,7 @@ def block_design(
         arm=at.arm,
         force=F,
         across=seen,
-        rests=seen.transform(_turns(rig, at, near, resting)),
+        rests=seen.transform(_at_rests(rig, at, near, resting)),
         place=place,
     )
     return result, statics.balance(at.seen.subset(slice(0, 1)), state, at.centre, rig.gravity)
@@ -205,18 +206,27 @@ def _bins(block: Block, ratio: FloatArray) -> Bins:
     return Bins(np.repeat(both, r), np.tile(ratio, len(both)), np.full(size, block.share))
 
 
-def _turns(rig: Rig, at: Balance, near: FloatArray, resting: Sequence[slice]) -> FloatArray:
-    """Wrench (N, 6, 3 R) of a unit turn at every rest, in its prior's standard uncertainties.
+def unknowns_at_rest(rig: Rig) -> int:
+    """Unknowns of every rest: a turn of its pose, and a wrench where force noise is declared."""
+    return 9 if rig.declared.force_noise else 3
 
-    at : the balance of the block's instants, with positions of unit covariance.
+
+def _at_rests(rig: Rig, at: Balance, near: FloatArray, resting: Sequence[slice]) -> FloatArray:
+    """Wrench (N, 6, u R) of the u unknowns of every rest, in their priors' standard uncertainties.
+
+    at : the balance of the block's instants, with positions and forces of unit covariance.
     """
-    std = max(rig.declared.positioner, UNSTATED)
-    out = np.zeros((len(near), 6, 3 * len(resting)))
+    std, count = max(rig.declared.positioner, UNSTATED), unknowns_at_rest(rig)
+    out = np.zeros((len(near), 6, len(resting), count))
     middle = [(run.start + run.stop) // 2 for run in resting]
-    roots = np.moveaxis(np.linalg.cholesky(at.turn_cov[middle]), 0, 1).reshape(3, -1)
+    turns = np.linalg.cholesky(at.turn_cov[middle])
     # A turn of the pose makes no force.
-    out[:, 3:] = at.noise_turn[:, 3:] @ roots * np.repeat(std * near, 3, axis=1)[:, None]
-    return out
+    out[:, 3:, :, :3] = np.einsum("kab,rbc->karc", std * at.noise_turn[:, 3:], turns)
+    if count > 3:
+        own = np.where(rig.axes[:, None], at.noise_force[middle], 0.0)
+        root = covariance_root(np.einsum("rnab,rncb->rac", own, own))
+        out[..., 3:] = rig.declared.force_noise * np.moveaxis(root, 0, 1)
+    return (out * near[:, None, :, None]).reshape(len(near), 6, -1)
 
 
 def instants(rig: Rig, slow: Slow, position: FloatArray, rows: slice) -> Postures:

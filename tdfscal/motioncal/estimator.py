@@ -23,7 +23,7 @@ from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State, retract, with_motions
 from tdfscal.model.statics import features, features_jacobian
 from tdfscal.motioncal.blocks import SHORTEST, Block, blocks, rests_of
-from tdfscal.motioncal.design import block_design, rms
+from tdfscal.motioncal.design import block_design, rms, unknowns_at_rest
 from tdfscal.motioncal.fit import MovingFit, MovingPriors, MovingState
 from tdfscal.motioncal.rows import NOTHING, NoiseModel, at_mean, gather, improve, initial
 from tdfscal.numerics import so3
@@ -110,7 +110,7 @@ def at_state(
     """Linearise at a state; without a noise model, with one that is flat."""
     rig, slow = priors.rig, priors.slow
     resting = rests_of(slow, blocks)
-    edges = np.cumsum([0, *(3 * len(own) for own in resting)]).tolist()
+    edges = np.cumsum([0, *(unknowns_at_rest(rig) * len(own) for own in resting)]).tolist()
     pairs = [
         block_design(rig, slow, block, state.still, state.moving, own, slice(*place))
         for block, own, place in zip(blocks, resting, pairwise(edges), strict=True)

@@ -18,12 +18,12 @@ from tdfscal.model.dynamics import Moving
 from tdfscal.model.parameters import State, retract, sensing, with_motions
 from tdfscal.model.statics import Balance, balance, features, features_jacobian
 from tdfscal.motioncal.blocks import Block, ComplexArray
-from tdfscal.motioncal.design import BlockDesign, drifting, instants, rms
+from tdfscal.motioncal.design import BlockDesign, drifting, instants, rms, unknowns_at_rest
 from tdfscal.motioncal.rows import NoiseModel, NormalEquations, Rows
 from tdfscal.motioncal.streams import Slow, shifted
 from tdfscal.numerics import so3
 from tdfscal.numerics.least_squares import block_diagonal, covariance_root
-from tdfscal.records import FloatArray, Rig, UncertainValue
+from tdfscal.records import BoolArray, FloatArray, Rig, UncertainValue
 
 #: Name in the budget of what only motion has.
 SPECTRUM = "noise spectrum"
@@ -119,6 +119,12 @@ class MovingFit(Fitted):
         return self.priors.still
 
     @property
+    def forces_at_rests(self) -> BoolArray:
+        """Which of the unknowns (p + rests,) are of forces at rests, of unit variance before."""
+        count, own = unknowns_at_rest(self.rig), np.arange(self.rests)
+        return np.concatenate([np.zeros(int(self.active.sum()), dtype=np.bool_), own % count >= 3])
+
+    @property
     def rows(self) -> int:
         """Number of independent values that the rows stand for."""
         return round(float(self.data.bins.count.sum()))
@@ -189,7 +195,7 @@ class MovingFit(Fitted):
         bins, C = self.data.bins, posterior[:p]
         force = self.noise.parts(bins)[0]
         white = self.jacobian * (np.sqrt(bins.count * force) / self.noise.variance(bins))[:, None]
-        half = C @ white.T
+        half = np.hstack([C @ white.T, C[:, self.forces_at_rests]])
         return {
             "noise": half @ half.T,
             "positioner": of_poses(self, C),
