@@ -109,8 +109,7 @@ def calibrate_tracker(
     moves, targets = _fit(rig, session, move_points, target_points)
     _refuse_many_outliers(moves, targets, session.targets.source)
     chi2, dof = _misfit([moves, *targets])
-    larger = [("moves", _misfit([moves])), ("targets", _misfit(targets))]
-    scales = [max(1.0, float(np.sqrt(own / of))) for _, (own, of) in larger]
+    scales = [max(1.0, float(np.sqrt(np.divide(*_misfit(of))))) for of in ([moves], targets)]
     moves, targets = _fit(rig, session, move_points, target_points, *scales)
     X = so3.project(np.stack([moves.fit.rotation.T @ t.fit.rotation for t in targets]))
     shares = _shares(moves, targets, misalignment)
@@ -142,12 +141,7 @@ def calibrate_tracker(
         findings=notes,
         exact=_exact_quantities(rig.supports, X, session, misalignment),
     )
-    scatter = [
-        Finding("survey-scatters", (whose,), size)
-        for (whose, of), size in zip(larger, scales, strict=True)
-        if chi2_sf(*of) < MISFIT
-    ]
-    return replace(result, findings=(*notes, *scatter, *_findings(rig, result)))
+    return replace(result, findings=(*notes, *_findings(rig, result)))
 
 
 def _misfit(surveys: Sequence[SurveyFit]) -> tuple[float, int]:
@@ -274,6 +268,10 @@ def _exact_quantities(
 
 def _findings(rig: Rig, result: TrackerCalibration) -> Iterator[Finding]:
     """What the survey's numbers cannot vouch for."""
+    for whose, surveys in (("moves", [result.moves]), ("targets", result.targets)):
+        scale, dof = surveys[0].scale, _misfit(surveys)[1]
+        if chi2_sf(scale**2 * dof, dof) < MISFIT:
+            yield Finding("survey-scatters", (whose,), scale)
     yield from (point.finding for point in result.rejected)
     if result.coplanar_targets:
         yield Finding("targets-coplanar", result.coplanar_targets)

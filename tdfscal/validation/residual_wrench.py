@@ -7,6 +7,7 @@ to them, only the dwells' own noise is not (theory, section 7).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -35,6 +36,7 @@ from tdfscal.validation.residuals import Course, Linearised, Whitened, moving_ze
 from tdfscal.validation.verdict import (
     Judged,
     Verdict,
+    Zeros,
     judged_with_zeros,
     searched,
 )
@@ -155,30 +157,25 @@ def validate(
         another unit.
     """
     rig = rig or given.rig
-    if len(dwells) == 0:
-        raise no_dwell(dwells)
-    log_against_rig.check_unit(rig, dwells.force)
-    every = postures(rig, dwells, age)
-    check_positions(rig, every)
-    screened = faulty_sensors.screen(rig, dwells)
-    used = np.setdiff1d(np.flatnonzero(screened.keep), list(aside))
-    if not used.size:
-        reasons = tuple(screened.reasons.values())
-        raise DataError(Finding("dwells-unusable"), findings=reasons[:1])
     given = with_own_load(given, rig)
+    every, left_out = _postures(rig, dwells, age, aside)
+    used = np.setdiff1d(np.arange(len(dwells)), list(left_out))
     observed, found = _with_noise(every.subset(used), noise)
     middle = (dwells.start + dwells.end)[used] / 2
     warm = None if dwells.temperature is None else dwells.temperature[used]
-    course = Course(middle, warm)
-    balanced, slopes, at = _linearised(given, known.scaled(observed), course)
-    judged, zeros = judged_with_zeros(at, given, rig, lambda white: judged_by(white, known))
+    course, calibrated = Course(middle, warm), given
+
+    def tested(
+        seen: Postures, which: IntArray
+    ) -> tuple[tuple[Balance, FloatArray, Linearised], Judged, Zeros]:
+        found = _linearised(calibrated, known.scaled(seen), course.subset(which))
+        weigh = partial(judged_by, known=known)
+        return found, *judged_with_zeros(found[2], calibrated, rig, weigh)
+
+    (balanced, slopes, at), judged, zeros = tested(observed, np.arange(len(used)))
     if not judged.holds:
-
-        def judge(seen: Postures, which: IntArray) -> Judged:
-            at = _linearised(given, known.scaled(seen), course.subset(which))[2]
-            return judged_with_zeros(at, given, rig, lambda white: judged_by(white, known))[0]
-
-        refuse_misread(given, rig, observed, judge, Rests(used + 1, dwells.start[used]))
+        rests = Rests(used + 1, dwells.start[used])
+        refuse_misread(given, rig, observed, lambda *part: tested(*part)[1], rests)
     given = zeros.brought_into(given)
     before, after = (
         contact_wrench(state, given.rig.gravity, balanced.rotation, balanced.seen.force)
@@ -188,7 +185,7 @@ def validate(
         rig=rig,
         dwells=dwells,
         used=used,
-        left_out={**screened.reasons, **aside},
+        left_out=left_out,
         nominal=before,
         calibrated=after,
         std=_std(balanced, slopes @ block_diagonal(given.root, at.own_root)),
@@ -201,6 +198,22 @@ def validate(
             *log_against_rig.turned(rig, dwells.position),
         ),
     )
+
+
+def _postures(
+    rig: Rig, dwells: Dwells, age: ZeroAge | None, aside: Mapping[int, Finding]
+) -> tuple[Postures, dict[int, Finding]]:
+    """All of a log's, held against the rig file, and why some of them take no part."""
+    if len(dwells) == 0:
+        raise no_dwell(dwells)
+    log_against_rig.check_unit(rig, dwells.force)
+    every = postures(rig, dwells, age)
+    check_positions(rig, every)
+    reasons = faulty_sensors.screen(rig, dwells).reasons
+    left_out = {**reasons, **aside}
+    if len(left_out) == len(dwells):
+        raise DataError(Finding("dwells-unusable"), findings=tuple(reasons.values())[:1])
+    return every, left_out
 
 
 def judged_by(white: Whitened, known: KnownNoise = AS_STATED) -> Judged:
