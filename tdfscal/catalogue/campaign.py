@@ -124,10 +124,11 @@ hinge-misplaced warns
   -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml
 positions-offset warns
   the servo coordinates of {subject} are offset, by {size}{or_more: or more|}
-  -> measure the servo datums, or write `uncertainty.datum: {stated}` in rig.yaml
+  -> measure the servo datums{measured: and the hinges, which lie as these positions have them|}, or
+    write `uncertainty.datum: {stated}` in rig.yaml
 scale-differs warns
   positions and hinges differ in scale, by {number:.2%}
-  -> check the scale of the hinges' survey, or of the positioners: {position_scale}
+  -> check the scale of the hinges' survey, or of the positioners{lines:: ~|}
 supports-give warns
   the NCPs give between encoder and hinge, by {size}
   -> see what is loose, or write `uncertainty.compliance: {{lateral: {stated}, vertical: {stated}}}`
@@ -139,7 +140,9 @@ frame-turned warns
 frame-scaled warns
   the {every:frames of all positioners are|frame of the positioner of {subject} is} scaled by
   {amount:1} along x, y, z
-  -> calibrate the {every:positioners|positioner of {subject}}{position_scale:, or write ~|}
+  -> calibrate the {every:positioners|positioner of {subject}}{lines:, or write
+    ~|}{measured:, and measure the hinges anew, which lie as these positions have them: about
+    {hinges}|}
 frame-not-square warns
   the frame of the positioner of {subject} is not square, by {amount:rad} of yz, xz, xy
   -> align or calibrate the positioner of {subject}; hinge distances show no error that all
@@ -230,7 +233,7 @@ terminal-turned warns
     rig.yaml, hinges and barycentre, so that the terminal stands upright|}
 sensor-turned warns
   the sensor of {subject} is turned by {degrees:.0f}° from its nominal mounting
-  -> look how {subject} sits: where it is turned, state its nominal_rpy in rig.yaml{force_scale:;
+  -> look how {subject} sits: where it is turned, state its nominal_rpy in rig.yaml{lines:;
     where two of its axes have the opposite sign, write ~|}
 angles-locked notes
   {subject} is pitched by {degrees:.0f}°, where roll and yaw are one turn: its uncertainties are

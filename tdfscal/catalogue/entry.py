@@ -176,25 +176,13 @@ def _fields(finding: Finding) -> dict[str, Any]:
         fields["difference"] = with_std(fields["difference"], half, "+")
     if finding.harm is not None:
         fields["harm"] = quantity(finding.harm, "rad", stds=[finding.harm])
-    if isinstance(fields.get("signs"), list):
-        for what, unit in (("force", "newtons"), ("position", "metres")):
-            fields[f"{what}_scale"] = _scales(fields, what, unit)
-    if isinstance(moved := fields.get("moved"), list):
-        pairs = zip(moved[::2], moved[1::2], strict=True)
-        fields["moved"] = " and ".join(f"those of {source} under {name}" for name, source in pairs)
+    if isinstance(hinges := fields.get("hinges"), list):
+        places = zip(fields["measured"], np.reshape(hinges, (-1, 3)), strict=True)
+        lines = (f"`hinge: [{', '.join(f'{c:.6f}' for c in at)}]` of {own}" for own, at in places)
+        fields["hinges"] = ", ".join(lines)
     if finding.p_value is not None:
         fields["p"] = p_text(finding.p_value)
     return fields
-
-
-def _scales(fields: dict[str, Any], what: str, unit: str) -> str:
-    """Lines that give axes their signs, of each support that needs one."""
-    lines = []
-    for k, name in enumerate(fields["turned"]):
-        signs = ", ".join(f"{sign:.14g}" for sign in fields["signs"][3 * k : 3 * k + 3])
-        lines.append(f"`log.supports.{name}.{what}_scale: [{signs}]`")
-    times = "" if fields.get("scaled") else f", times the {unit} of one unit of the log"
-    return f"{' and '.join(lines)}{times}"
 
 
 def begun(text: str, end: str = "") -> str:

@@ -81,19 +81,18 @@ hinges-off refuses
   -> {fits:correct the position {whole:and force |}fields of the log block in rig.yaml|measure
     {servo:the datum of the positioner of ~, and the hinges,|the hinges} again ({first} to
     {second} is {logged:.4f} m in the log and {stated_m:.4f} m in rig.yaml), or check the position
-    fields and that log and rig.yaml belong together}{moved:: write
-    ~|}{position_scale:, or write ~|}
+    fields and that log and rig.yaml belong together}{lines:{fits::|, or} write ~|}
   @ log positions
 terminal-overturned refuses
   the terminal stands on its head in the log: its z axis points downwards
   ? fits ; it would fit with {fits}
   ? whole , and so would their forces
   -> {fits:correct the position {whole:and force |}fields of the log block in rig.yaml|check the
-    position fields, and that log and rig.yaml belong together}{moved:: write ~|}
+    position fields, and that log and rig.yaml belong together}{lines:: write ~|}
   @ log positions
 positions-renamed refuses
   the forces fit with {fits}, and not with the positions as they are named
-  -> correct the position fields of the log block in rig.yaml{moved:: write ~|}
+  -> correct the position fields of the log block in rig.yaml{lines:: write ~|}
   @ log positions
 lengths-rescaled refuses
   the NCPs stand {number:.4g} times as far apart as the hinges of rig.yaml
@@ -119,8 +118,8 @@ instants-broken refuses
 forces-exchanged refuses
   the forces fit with {exchange}, and not as they are named; without it the residuals fall from
   {before:.2g} to {after:.2g} times what is stated
-  -> correct the force fields of the log block in rig.yaml, or the cabling{moved:: write
-    ~|}{force_scale:, or write ~|}{check:; where a sensor was mounted anew, calibrate again|}
+  -> correct the force fields of the log block in rig.yaml, or the cabling{lines:: write
+    ~|}{check:; where a sensor was mounted anew, calibrate again|}
   @ log forces
 force-rescaled refuses
   {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors ask of it{unit:,

@@ -27,9 +27,9 @@ from tdfscal.model.postures import register
 from tdfscal.model.statics import wrench
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile, chi2_sf
-from tdfscal.numerics.information import Contrast, Information
+from tdfscal.numerics.information import Equations, Information
 from tdfscal.numerics.least_squares import ask
-from tdfscal.records import BoolArray, FloatArray, Rig
+from tdfscal.records import FloatArray, Rig
 from tdfscal.significance import (
     CAUSE_EXPLAINS,
     CAUSES_APART,
@@ -43,17 +43,24 @@ _GIVES: Final = 5e-7
 _UNKNOWN: Final = 1.0  # m; a place with a larger standard uncertainty is not known
 #: A frame that is scaled not about the middle of its travel, but from the zero of its coordinates.
 FROM_ZERO: Final = "scaled from zero"
+#: End of the same where the hinges were measured by these positions: they are off with it, and only
+#: what turns with the terminal is seen of it.
+_MEASURED: Final = ", and hinges"
 #: Code of a finding by the cause's kind, and the unit of its size.
 CODES: Final = {
     "hinge": ("hinge-misplaced", "m"),
     "datum": ("positions-offset", "m"),
+    f"datum{_MEASURED}": ("positions-offset", "m"),
     "scale": ("scale-differs", ""),
     "compliance": ("supports-give", "m/N"),
     "turned": ("frame-turned", "rad"),
     "scaled": ("frame-scaled", ""),
     FROM_ZERO: ("frame-scaled", ""),
+    f"{FROM_ZERO}{_MEASURED}": ("frame-scaled", ""),
     "not square": ("frame-not-square", "rad"),
 }
+#: Standard uncertainties by which a component is seen to be wrong.
+_SURE: Final = 3.0
 #: Share of what a cause explains that its second order, or another's, may leave.
 _SECOND_ORDER: Final = 0.05
 _FEWEST: Final = 3  # equations, beside all constant errors, by which a frame is judged
@@ -65,7 +72,6 @@ _WAYS: Final[dict[str, FloatArray]] = {
     "scaled": np.eye(3)[:, :, None] * np.eye(3)[:, None],
     "not square": np.abs(so3.hat(np.eye(3))),
 }
-FRAMES: Final = {**_WAYS, FROM_ZERO: _WAYS["scaled"]}
 #: Share of a cause's best-known component that another must have to be known at all.
 _SEEN: Final = 1e-6
 #: Noise of positions in a frame's column, 1 per equation, is that of the residuals: with this many
@@ -85,6 +91,7 @@ class Cause:
     kind : a key of `CODES`. support : whose; None: of all.
     statistic : fall of χ², by so many `unknowns`. amount, std : (g,), m (hinge in the LCS, datum
     in the BCS), relative (scale, frames), or m/N lateral and vertical; ∞ where nothing is seen.
+    step : (P,), by how much the parameters of `equations` are off with it.
     """
 
     kind: str
@@ -93,6 +100,7 @@ class Cause:
     unknowns: int
     amount: FloatArray
     std: FloatArray
+    step: FloatArray
 
     def p_value(self, variance: float = 1.0) -> float:
         """That chance alone, of this variance, asks as much for this cause."""
@@ -104,58 +112,44 @@ class Cause:
         return self.statistic - self.unknowns
 
     @property
+    def clear(self) -> FloatArray:
+        """The amount (g,) of what is seen to be wrong, 0 elsewhere; all, where nothing is."""
+        seen = np.abs(self.amount) > _SURE * self.std
+        return np.where(seen | ~seen.any(), self.amount, 0.0)
+
+    @property
     def scales(self) -> list[float]:
         """What coordinates x, y, z are to be multiplied by, no finer than it is known; or none."""
-        if self.kind not in ("scale", FROM_ZERO):
+        if self.kind != "scale" and FROM_ZERO not in self.kind:
             return []
         digits = 1 - np.floor(np.log10(np.min(self.std)))
-        factors = 1.0 / (1.0 + self.amount * np.ones(3))
+        size = self.clear * np.ones(3)  # of the terminal, or of what is logged
+        factors = 1.0 / (1.0 + size) if self.kind == "scale" else 1.0 - size
         return [round(float(each), int(np.clip(digits, 2, 7))) for each in factors]
 
-    def added(self, position: FloatArray) -> FloatArray:
-        """What a wrong frame adds to the logged positions (K, n, 3), m, BCS."""
-        away = position if self.kind == FROM_ZERO else position - position.mean(axis=0)
-        out = away @ np.tensordot(self.amount, FRAMES[self.kind], 1).T
-        if self.support is not None:
-            out[:, np.arange(position.shape[1]) != self.support] = 0.0
-        return np.asarray(out)
+    @property
+    def errors(self) -> dict[str, FloatArray]:
+        """Of hinges and datums (3n,), what gives (2,), frames about their middles (n, 3, 3); SI."""
+        n = len(self.step) // 15
+        hinge, datum, compliance, frame = np.split(self.step, [3 * n, 6 * n, 6 * n + 2])
+        wrong = np.tensordot(frame.reshape(n, -1), np.concatenate(list(_WAYS.values())), 1)
+        return {"hinge": hinge, "datum": datum, "compliance": compliance, "frame": wrong}
 
 
-@record
-class Equations:
-    """Equations of all postures, summed: what they say of the parameters (P,), misfit, χ²."""
+def _cause(
+    sums: Equations, kind: str, support: int | None, columns: FloatArray, least: float = 0.0
+) -> Cause:
+    """Test a cause whose unknowns move the parameters by columns (P, g).
 
-    seen: Information
-    chi2: float
-    rows: int
-
-    def scaled(self, variance: float) -> Equations:
-        """The same with the noise's variance this many times larger."""
-        return Equations(self.seen.scaled(np.sqrt(variance)), self.chi2 / variance, self.rows)
-
-    def given(self, prior: FloatArray) -> Equations:
-        """Whitened by what parameters with a prior std (P,), 0 exact, add to the noise."""
-        seen = self.seen.walked(prior**2)
-        return Equations(
-            seen, self.chi2 - float(self.seen.score @ (prior**2 * seen.score)), self.rows
-        )
-
-    def apart_from(self, free: BoolArray) -> tuple[Equations, int]:
-        """Without what parameters (P,) of which nothing is known explain; and their rank."""
-        explained, rank = Contrast(self.seen.matrix, self.seen.score).chi2(free)
-        return Equations(self.seen.without(free), self.chi2 - explained, self.rows), rank
-
-    def ask(self, kind: str, support: int | None, columns: FloatArray, least: float = 0.0) -> Cause:
-        """Test a cause whose unknowns move the parameters by columns (P, g).
-
-        least : information of an unknown below which it is none.
-        """
-        information = columns.T @ self.seen.matrix @ columns
-        own = np.trace(columns.T @ columns)  # a cause without any column is not seen
-        floor = max(_SEEN * np.linalg.norm(information, 2), np.finfo(float).tiny * own)
-        found = ask(information, columns.T @ self.seen.score, max(floor, least))
-        fall, unknowns = float(found.statistic), int(found.unknowns)
-        return Cause(kind, support, fall, unknowns, found.amount, found.std)
+    least : information of an unknown below which it is none.
+    """
+    information = columns.T @ sums.seen.matrix @ columns
+    own = np.trace(columns.T @ columns)  # a cause without any column is not seen
+    floor = max(_SEEN * np.linalg.norm(information, 2), np.finfo(float).tiny * own)
+    found = ask(information, columns.T @ sums.seen.score, max(floor, least))
+    fall, unknowns = float(found.statistic), int(found.unknowns)
+    step = columns @ found.amount
+    return Cause(kind, support, fall, unknowns, found.amount, found.std, step)
 
 
 @record
@@ -173,12 +167,13 @@ class Geometry:
     explained: bool
     scatter: float
 
-    def findings(self, supports: tuple[str, ...]) -> tuple[Finding, ...]:
-        """What may be wrong, and by how much, the likeliest first."""
-        return tuple(self._told(cause, supports) for cause in self.causes)
+    def findings(self, rig: Rig) -> tuple[Finding, ...]:
+        """What may be wrong, and by how much, the likeliest first, each once."""
+        told = [self._told(cause, rig) for cause in self.causes]
+        return tuple({(one.code, one.subject): one for one in reversed(told)}.values())[::-1]
 
-    def _told(self, cause: Cause, supports: tuple[str, ...]) -> Finding:
-        code, unit = CODES[cause.kind]
+    def _told(self, cause: Cause, rig: Rig) -> Finding:
+        (code, unit), supports = CODES[cause.kind], rig.supports
         values: dict[str, Value] = {
             "elsewhere": not self.explained,
             "or_more": not np.isfinite(cause.std).all(),
@@ -187,10 +182,14 @@ class Geometry:
         subject = () if cause.support is None else (supports[cause.support],)
         if cause.scales:
             values |= {"turned": [*(subject or ("<each>",))], "signs": cause.scales}
-        if cause.kind in FRAMES:
-            values["amount"] = cause.amount.tolist()
+        if code.startswith("frame"):
+            values["amount"] = cause.clear.tolist()
             values["std"] = (cause.std * np.sqrt(self.scatter)).tolist()
             values["every"] = not subject
+        if cause.kind.endswith(_MEASURED):
+            hinge = rig.hinge + cause.errors["hinge"].reshape(-1, 3)
+            own = slice(None) if cause.support is None else [cause.support]
+            values |= {"measured": [*(subject or supports)], "hinges": hinge[own].ravel().tolist()}
         return Finding(code, subject, float(np.linalg.norm(cause.amount)), unit, values=values)
 
 
@@ -220,8 +219,8 @@ def examine(
     dof = sums.rows - known
     scatter = max(1.0, varying.chi2 / dof) if dof > 0 else 1.0
     pattern = sums.scaled(scatter).given(stated_errors(rig, common))
-    places, suspects = _suspects(rig.hinge, position[keep].mean(axis=0))
-    tried = [pattern.ask(*place) for place in places]
+    places, suspects = _suspects(rig.hinge, position[keep])
+    tried = [_cause(pattern, *place) for place in places]
     best = max(tried, key=lambda cause: cause.weight)
     chi2 = max(0.0, pattern.chi2 - varying.chi2 / scatter)
     p_value = min(
@@ -230,9 +229,9 @@ def examine(
         2 * len(tried) * min(cause.p_value() for cause in tried),
     )
     if frames and dof > _FEWEST:
-        wrong = [pattern.ask(*suspect) for suspect in suspects]
+        wrong = [_cause(pattern, *suspect) for suspect in suspects]
         place = int(np.argmax([cause.weight for cause in wrong]))
-        likely, alone = wrong[place], varying.ask(*suspects[place], _NOISY * dof**2)
+        likely, alone = wrong[place], _cause(varying, *suspects[place], _NOISY * dof**2)
         # Held against the scatter without it, or it would excuse itself.
         rest = max(1.0, (varying.chi2 - alone.statistic) / max(dof - alone.unknowns, 1))
         varies = min(1.0, len(suspects) * alone.p_value(rest))
@@ -242,7 +241,7 @@ def examine(
         if (ahead > 0 and varies < level) or (raised and ahead > CAUSES_APART):
             p_value = varies if varies < FRAME_MISFIT else p_value
             whole = sums.scaled(rest).given(stated_errors(rig, common))
-            explained = _explains(whole.ask(*suspects[place]), whole.chi2, dof + known)
+            explained = _explains(_cause(whole, *suspects[place]), whole.chi2, dof + known)
             return Geometry(p_value, _alike([*tried, *wrong], likely), explained, rest)
     if p_value > GEOMETRY_MISFIT:
         return Geometry(p_value, (), True, scatter)
@@ -270,28 +269,29 @@ def stated_errors(rig: Rig, common: float = 0.0) -> FloatArray:
 def _alike(tried: list[Cause], best: Cause) -> tuple[Cause, ...]:
     """The best cause, and others that explain about as much."""
     near = [c for c in tried if best.weight - c.weight < CAUSES_APART and c.unknowns]
-    zero = {c.support: c.weight for c in near if c.kind == FROM_ZERO}
     # From its zero or about its middle is one, where neither explains more.
-    near = [c for c in near if c.kind != "scaled" or zero.get(c.support, 0.0) < c.weight - 1.0]
-    return tuple(sorted(near, key=lambda cause: -cause.weight))
+    return tuple(sorted(near, key=lambda c: -c.weight - (FROM_ZERO in c.kind)))
 
 
-def _suspects(hinge: FloatArray, middle: FloatArray) -> tuple[list[Suspect], list[Suspect]]:
+def _suspects(hinge: FloatArray, position: FloatArray) -> tuple[list[Suspect], list[Suspect]]:
     """Hinges, datums, the pattern's size, what gives; and frames that are turned, scaled or not
-    square, of a positioner or of all alike. middle : (n, 3), m, BCS, of each one's travel.
+    square, of a positioner or of all alike.
     """
-    n, eye = len(hinge), np.eye(15 * len(hinge) + 2)
+    n, eye, middle = len(hinge), np.eye(15 * len(hinge) + 2), position.mean(axis=0)
+    measured, upright = eye.copy(), so3.project(register(hinge, position)[0].mean(axis=0))
+    measured[: 3 * n, 3 * n : 6 * n] = -np.kron(np.eye(n), upright.T)
     three = [eye[:, first : first + 3] for first in range(0, 6 * n, 3)]
     larger = eye[:, : 3 * n] @ (hinge - hinge.mean(axis=0)).reshape(-1, 1)
-    places: list[Suspect] = [("hinge", i, three[i]) for i in range(n)]
-    places += [("datum", i, three[n + i]) for i in range(n)]
+    places: list[Suspect] = [(("hinge", "datum")[i // n], i % n, three[i]) for i in range(2 * n)]
+    places += [(f"datum{_MEASURED}", i, measured @ three[n + i]) for i in range(n)]
     places += [("scale", None, larger), ("compliance", None, eye[:, 6 * n : 6 * n + 2])]
     out: dict[tuple[str, int | None], FloatArray] = {}
     for i in range(n):
         for kind, first in zip(_WAYS, range(6 * n + 2 + 9 * i, 15 * n + 2, 3), strict=False):
             out[kind, i] = eye[:, first : first + 3]
         out[FROM_ZERO, i] = out["scaled", i] + three[n + i] * middle[i]
-    for kind in ("scaled", FROM_ZERO):
+        out[FROM_ZERO + _MEASURED, i] = measured @ out[FROM_ZERO, i]
+    for kind in ("scaled", FROM_ZERO, FROM_ZERO + _MEASURED):
         out[kind, None] = np.sum([out[kind, i] for i in range(n)], axis=0)
     return places, [(*key, columns) for key, columns in out.items()]
 

@@ -72,7 +72,7 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
         return
     other = explanation(rig, position, force)
     facts: dict[str, Value] = {"fits": None if other is None else other.words}
-    facts |= {} if other is None else other.turned(rig.supports)
+    facts |= {} if other is None else other.written(rig.supports)
     facts |= _farthest(rig, position)
     misplaced = [] if facts["fits"] or off <= limit else _misplaced(rig, position)
     if not (facts["fits"] or any(one.subject for one in misplaced)):
@@ -115,7 +115,7 @@ def _misplaced(rig: Rig, position: FloatArray) -> list[Finding]:
     """The hinges or positioners one of which explains the distances, the likeliest first."""
     variance = np.full(len(position), rig.declared.positioner**2)
     found = geometry.examine(rig, position, variance, frames=True)
-    told = found.findings(rig.supports) if found.explained else ()
+    told = found.findings(rig) if found.explained else ()
     likeliest = [one.code in _PLACES for one in told[:1]]
     return [one for one in told if one.code in _PLACES] if any(likeliest) else []
 

@@ -64,16 +64,22 @@ class Wiring:
         sign = other.sign * self.sign.ravel()[other.source]
         return Wiring(f"{self.words}, and {other.words}", self.source.ravel()[other.source], sign)
 
-    def turned(self, supports: tuple[str, ...]) -> dict[str, Value]:
-        """Whose axes have the opposite sign, and the signs of each; or who is read from whom."""
-        which = self.supports
-        if self.whole:
-            return {"moved": [supports[i] for k in which for i in (k, self.source[k, 0] // 3)]}
-        if np.any(np.diff(self.source.ravel()) != 1):
-            return {}
-        if len(which) == len(supports) and np.all(self.sign == self.sign[0]):
-            return {"turned": ["<each>"], "signs": self.sign[0].tolist()}
-        return {"turned": [supports[k] for k in which], "signs": self.sign[which].ravel().tolist()}
+    def written(self, supports: tuple[str, ...]) -> dict[str, Value]:
+        """Who is read from elsewhere, the channels of each; whose axes have the opposite sign, and
+        the signs of each.
+        """
+        own = np.arange(self.source.size).reshape(-1, 3)
+        moved, turned = (self.source != own).any(axis=1), (self.sign < 0).any(axis=1)
+        values: dict[str, Value] = {}
+        if moved.any():
+            values["moved"] = [supports[k] for k in np.flatnonzero(moved)]
+            values["sources"] = self.source[moved].ravel().tolist()
+        if turned.all() and np.all(self.sign == self.sign[0]):
+            values |= {"turned": ["<each>"], "signs": self.sign[0].tolist()}
+        elif turned.any():
+            values["turned"] = [supports[k] for k in np.flatnonzero(turned)]
+            values["signs"] = self.sign[turned].ravel().tolist()
+        return values
 
     def signals(self, value: FloatArray) -> FloatArray:
         """Positions or forces (..., n, 3) as they would be."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import combinations
-from typing import Literal, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -28,11 +28,9 @@ from tdfscal.errors import (
 )
 from tdfscal.files.calibration.evidence import has_delay
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.logs import TimeWindow, iter_log
-from tdfscal.logs.log_file import signal_of
 from tdfscal.model.dynamics import DELAY, RATE, Moving
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, RecorderClock, Rig, UncertainValue
@@ -206,41 +204,12 @@ class LogPass:
         except (DataError, NotIdentifiableError, NotConvergedError) as error:
             found = [*([self.stops] if self.stops else []), *self.messages]
             what = "; ".join([error.what, *map(sentence, error.findings)])
-            written = _written(error.finding, self.campaign.rig)
-            advice = cure(written) if written else error.hint
+            written = self.campaign.rig.written(error.finding)
+            advice = cure(written) if "lines" in written.values else error.hint
             if found:
                 look = f"look first at the log: {'; '.join(map(told, found[:_REPEATED]))}"
                 advice = f"{look}. {advice[0].upper()}{advice[1:]}" if advice else look
             raise error.restated(what=what, hint=advice) from error
-
-
-def _written(found: Finding, rig: LoadedRig) -> Finding | None:
-    """The same, where its cure has lines written: with the log's own fields, or SI per its unit."""
-    signs, turned = found.values.get("signs"), found.values.get("turned")
-    quantity: Literal["position", "force"]
-    quantity = "force" if found.code == "forces-exchanged" else "position"
-
-    def held(own: str, quantity: str) -> LogBlock:
-        logs = rig.log or (LogBlock(),)
-        return next(log for log in logs if getattr(log.support_fields(own), quantity))
-
-    if isinstance(moved := found.values.get("moved"), list):
-        lines = [
-            f"`log.supports.{name}.{what}: [{', '.join(named)}]`"
-            for name, source in zip(moved[::2], moved[1::2], strict=True)
-            for what in (quantity, *(["force"] if found.values.get("whole") else []))
-            if (named := getattr(held(str(source), what).support_fields(str(source)), what))
-        ]
-        return replace(found, values={**found.values, "moved": ", ".join(lines)})
-    if not isinstance(signs, list) or not isinstance(turned, list):
-        return None
-    scale = list[float]()
-    for name in turned:
-        own = name if name in rig.rig.supports else rig.rig.supports[0]  # of each alike
-        readings = held(own, quantity).model_copy(update={"force_on": "terminal"})
-        scale += signal_of(readings, quantity, own, ()).factors
-    scaled = [sign * size for sign, size in zip(signs, scale, strict=True)]
-    return replace(found, values={**found.values, "signs": scaled, "scaled": True})
 
 
 def _lost_stops(dwells: Dwells, rig: Rig) -> Finding | None:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tdfscal.checks.geometry import FRAMES, Cause, Geometry
+from tdfscal.checks.geometry import Cause, Geometry
 from tdfscal.estimation.fit import Fitted
 from tdfscal.estimation.score_tests import Suspicion, worst_angle
 from tdfscal.estimation.uncertainty import Estimate, F
@@ -25,7 +25,7 @@ from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.least_squares import Spectrum
-from tdfscal.records import ExactMoves, FloatArray, JointPrior, Rig
+from tdfscal.records import ExactMoves, FloatArray, JointPrior
 from tdfscal.significance import CERTAINLY_UNDECLARED, HARMFUL_SHIFT
 
 #: Group of parameters, what it is called, a typical error of a component, its unit; what careful
@@ -187,12 +187,12 @@ def exact_caveats(known: Estimate[F]) -> list[Finding]:
 def misplaced(
     of: Estimate[F],
     found: Geometry,
-    framed: Callable[[Cause], FloatArray] | None = None,
+    framed: Callable[[FloatArray], FloatArray] | None = None,
 ) -> tuple[Suspicion, ...]:
     """One suspicion of all causes that explain the distances, by the worst that one of them does.
 
-    found : what the distances say. framed : whitened rows (m,) of a positioner's frame that is
-    turned, scaled or not square, where distances are asked for that.
+    found : what the distances say. framed : whitened rows (m,) of positioners' frames that are
+    wrong by E (n, 3, 3) about the middle of their travel, where distances are asked for that.
     """
     if not found.causes:
         return ()
@@ -202,17 +202,10 @@ def misplaced(
 
     def move(cause: Cause) -> FloatArray:
         """How far the free parameters give way to it."""
-        if framed is not None and cause.kind in FRAMES:
-            white = framed(cause)
-        else:
-            step = np.zeros(slopes.shape[1])
-            if (hinge := displaced_hinges(fit.rig, cause)) is not None:
-                step[places["hinge"]] = hinge.ravel()
-            elif cause.kind == "compliance":
-                step[places["compliance"]] = cause.amount
-            else:
-                step[places["datum"]].reshape(-1, 3)[cause.support] = cause.amount
-            white = slopes @ step
+        errors = cause.errors
+        white = np.zeros(len(slopes)) if framed is None else framed(errors["frame"])
+        for group in ("hinge", "datum", "compliance"):
+            white = white + slopes[:, places[group]] @ errors[group]
         return np.asarray(parts.root[:p] @ (parts.left[: len(white)].T @ white))
 
     moves = [move(cause) for cause in found.causes]
@@ -221,7 +214,7 @@ def misplaced(
     best = found.causes[0]
     return (
         Suspicion(
-            found.findings(fit.rig.supports),
+            found.findings(fit.rig),
             found.p_value,
             *shifts[worst],
             kind=best.kind,
@@ -230,14 +223,3 @@ def misplaced(
             move=moves[worst],
         ),
     )
-
-
-def displaced_hinges(rig: Rig, cause: Cause) -> FloatArray | None:
-    """Hinges' displacements (n, 3), m, LCS, by a cause that is one of the terminal."""
-    if cause.kind == "scale":
-        return np.asarray(cause.amount * (rig.hinge - rig.hinge.mean(axis=0)))
-    if cause.kind != "hinge":
-        return None
-    out = np.zeros((rig.n, 3))
-    out[cause.support] = cause.amount
-    return out

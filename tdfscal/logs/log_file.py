@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar, Final, Literal, TypeVar, cast
 import numpy as np
 
 from tdfscal.errors import DataError, UsageError, is_short, shortage
-from tdfscal.files.rig.recorders import UNITS, LogBlock, canonical
+from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.yaml import shorten
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
@@ -152,13 +152,9 @@ def signal_of(
     fields: tuple[str, ...],
 ) -> Signal:
     """The signal of a support, with factors where the mapping states them in place of its unit."""
-    unit: str = mapping.length_unit if quantity == "position" else mapping.force_unit
-    own = mapping.support_fields(support)
-    stated = own.position_scale if quantity == "position" else own.force_scale
-    x, y, z = stated or (UNITS[quantity][canonical(unit)],) * 3
+    (x, y, z), unit = mapping.scale(quantity, support)
     sign = -1.0 if quantity == "force" and mapping.force_on == "sensor" else 1.0
-    factors = (sign * x, sign * y, sign * z)
-    return Signal(support, quantity, fields, factors, None if stated else unit)
+    return Signal(support, quantity, fields, (sign * x, sign * y, sign * z), unit)
 
 
 def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str) -> DataError:

@@ -204,6 +204,31 @@ class Contrast:
         return values[seen], vectors[:, seen], scale
 
 
+@record
+class Equations:
+    """Many equations, summed: what they say of the parameters (P,), their χ², their number."""
+
+    seen: Information
+    chi2: float
+    rows: int
+
+    def scaled(self, variance: float) -> Equations:
+        """The same with the noise's variance this many times larger."""
+        return Equations(self.seen.scaled(np.sqrt(variance)), self.chi2 / variance, self.rows)
+
+    def given(self, prior: FloatArray) -> Equations:
+        """Whitened by what parameters with a prior std (P,), 0 exact, add to the noise."""
+        seen = self.seen.walked(prior**2)
+        return Equations(
+            seen, self.chi2 - float(self.seen.score @ (prior**2 * seen.score)), self.rows
+        )
+
+    def apart_from(self, free: BoolArray) -> tuple[Equations, int]:
+        """Without what parameters (P,) of which nothing is known explain; and their rank."""
+        explained, rank = Contrast(self.seen.matrix, self.seen.score).chi2(free)
+        return Equations(self.seen.without(free), self.chi2 - explained, self.rows), rank
+
+
 def contrast(a: Information, b: Information) -> Contrast:
     """B against a, in the directions of which both know something; their sum must determine all.
 

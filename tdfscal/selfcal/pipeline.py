@@ -10,7 +10,6 @@ import numpy as np
 
 from tdfscal.checks import log_against_rig
 from tdfscal.checks.faulty_sensors import exceeded_ranges
-from tdfscal.checks.geometry import FROM_ZERO
 from tdfscal.errors import NotConvergedError, NotIdentifiableError, RigError
 from tdfscal.estimation.exact_quantities import exact_caveats
 from tdfscal.estimation.judged import HeldOut, Judged, Undetermined, holding
@@ -126,9 +125,7 @@ def self_calibrate(
             return replace(again, findings=(*again.findings, Finding("parabola-estimated")))
         doubts = _with_change(doubts, told)
         scaled = {doubt.support for doubt in doubts if doubt.kind == "vertical scale"}
-        echoes = (
-            doubt.kind in ("scaled", FROM_ZERO) and doubt.support in scaled for doubt in placed
-        )
+        echoes = (doubt.kind.startswith("scaled") and doubt.support in scaled for doubt in placed)
         placed = tuple(doubt for doubt, echo in zip(placed, echoes, strict=True) if not echo)
         doubts = (*placed, *doubts)
     trials = None

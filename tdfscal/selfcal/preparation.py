@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal.checks import faulty_sensors, log_against_rig
-from tdfscal.checks.geometry import Cause, examine
+from tdfscal.checks.geometry import examine
 from tdfscal.errors import DataError, RigError
 from tdfscal.estimation.exact_quantities import misplaced
 from tdfscal.estimation.fit import factored_information
@@ -137,9 +137,10 @@ def misplaced_hinges(of: Estimate[Fit]) -> tuple[Suspicion, ...]:
     variance = np.trace(seen.position_cov, axis1=2, axis2=3).mean(axis=1) / 3
     found = examine(fit.rig, seen.position, variance, forces(fit.state, seen.force), frames=True)
 
-    def framed(cause: Cause) -> FloatArray:
+    def framed(wrong: FloatArray) -> FloatArray:
+        away = seen.position - seen.position.mean(axis=0)
         logged = np.zeros_like(fit.postures.position)
-        logged[used] = cause.added(seen.position)
+        logged[used] = np.einsum("iab,kib->kia", wrong, away)
         by_place = fit.slopes[:, :, layout(fit.rig.n, fit.state.motions)["datum"]]
         white = by_place @ logged.reshape(len(logged), -1, 1)
         return np.asarray(white.ravel())
@@ -234,11 +235,8 @@ def check_readings(rig: Rig, observed: Postures, present: Fit, rests: Rests | No
     if other is not None:
         placed = _misfit(best_start(rig, other.positions(_some(observed))))
         if placed < BETTER and BETTER * placed < _misfit(present):
-            raise DataError(
-                Finding(
-                    "positions-renamed", values={"fits": other.words, **other.turned(rig.supports)}
-                )
-            )
+            values = {"fits": other.words, **other.written(rig.supports)}
+            raise DataError(Finding("positions-renamed", values=values))
     if (found := misreading(rig, observed, present, rests)) is not None:
         raise misread(rig, found, present, rests)
 
@@ -266,7 +264,7 @@ def misread(
         "after": float(np.sqrt(found.misfit)),
     }
     if mistake.wiring is not None:
-        values |= {"exchange": mistake.wiring.words, **mistake.wiring.turned(rig.supports)}
+        values |= {"exchange": mistake.wiring.words, **mistake.wiring.written(rig.supports)}
         values["check"] = check and mistake.wiring.mounting
         return DataError(Finding("forces-exchanged", values=values))
     subject = (rig.supports[mistake.support],)

@@ -96,12 +96,12 @@ def test_a_displaced_hinge_is_named_with_its_size(size: float, radius: float, n:
             assert short < limit + STATED.hinge * 4
 
 
-def _words(found: Geometry, supports: tuple[str, ...]) -> str:
+def _words(found: Geometry, rig: Rig) -> str:
     facts: dict[str, Value] = {"angle": "roll of a", "shift": 1.0}
     return " ".join(
         in_words(
             replace(finding, p_value=found.p_value, values={**finding.values, **facts})
-            for finding in found.findings(supports)
+            for finding in found.findings(rig)
         )
     )
 
@@ -110,15 +110,15 @@ def test_an_offset_is_told_from_a_hinge_where_the_terminal_tilts() -> None:
     off = at(3, 1, [6e-4, 8e-4, 0.0])
     both = seen(np.random.default_rng(4), datum=off, tilt=1e-3).examined()
     assert {(c.kind, c.support) for c in both.causes} >= {("datum", 1), ("hinge", 1)}
-    words = cure = _words(both, ("a", "b", "c"))
-    assert "the hinge of b is not" in words
-    assert "the servo coordinates of b are offset, by" in words
+    words = cure = _words(both, simulation.make_rig(3))
+    assert "the hinge of ncp2 is not" in words
+    assert "the servo coordinates of ncp2 are offset, by" in words
     assert "uncertainty.hinge" in cure
     assert "uncertainty.datum" in cure
     one = seen(np.random.default_rng(4), datum=off, tilt=0.1).examined()
     assert [(c.kind, c.support) for c in one.causes] == [("datum", 1)]
     assert one.causes[0].amount == pytest.approx(off[1], abs=2e-4)
-    assert "the hinge of" not in _words(one, ("a", "b", "c"))
+    assert "the hinge of" not in _words(one, simulation.make_rig(3))
 
 
 def test_supports_that_give_pass_where_declared_and_are_named_where_not() -> None:
@@ -161,7 +161,7 @@ def test_coordinates_out_of_scale_are_named_with_the_line_to_write(
     place[:, slice(None) if whose is None else [whose], axes] *= 1.005
     found = replace(case, position=place).examined(frames=True)
     assert (found.causes[0].kind, found.causes[0].support) == ("scaled from zero", whose)
-    values = found.findings(case.rig.supports)[0].values
+    values = found.findings(case.rig)[0].values
     assert values["turned"] == ["<each>" if whose is None else "ncp2"]
     right = np.where(np.isin(np.arange(3), axes), 1 / 1.005, 1.0)
     assert values["signs"] == pytest.approx(right, abs=4 * found.causes[0].std.max())

@@ -1,13 +1,17 @@
 """A log altered in one known way: refused or not, and the alteration is what is named."""
 
+import copy
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import permutations
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal, cast
 
 import numpy as np
 import pytest
+import yaml
 
 from tdfscal import simulation
 from tdfscal.checks.faulty_sensors import screen
@@ -18,8 +22,16 @@ from tdfscal.checks.log_against_rig import (
     turned,
     weight_share,
 )
-from tdfscal.checks.wiring import exchanged_channels, rewired_forces, rewired_sensors
+from tdfscal.checks.wiring import (
+    exchanged_channels,
+    rewired_forces,
+    rewired_positions,
+    rewired_sensors,
+)
 from tdfscal.errors import DataError
+from tdfscal.files.rig.reading import LoadedRig
+from tdfscal.files.rig.recorders import LogBlock
+from tdfscal.findings import Finding
 from tdfscal.model.parameters import nominal
 from tdfscal.model.postures import postures
 from tdfscal.numerics import so3
@@ -35,6 +47,7 @@ def lopsided() -> Rig:
     return replace(rig, hinge=hinge)
 
 
+ALL = np.ones((3, 3), dtype=np.bool_)
 RIG = lopsided()
 RNG = np.random.default_rng(23)
 TURNS = 0.05 * RNG.normal(size=(9, 3))
@@ -304,23 +317,42 @@ def test_a_unit_that_leaves_few_digits_is_no_dead_sensor(step: float, unit: floa
         screen(rig, replace(DWELLS, **arrays))
 
 
-def test_what_is_told_to_write_makes_of_readings_what_the_wiring_makes_of_them() -> None:
-    """Signs as factors, one sensor's or two sensors', and whole sensors under other names."""
-    value = np.random.default_rng(1).normal(size=(4, RIG.n, 3))
-    place = {name: i for i, name in enumerate(RIG.supports)}
-    kinds = set[tuple[str, int]]()
-    for wiring in rewired_forces(RIG.supports, np.ones((RIG.n, 3), dtype=np.bool_)):
-        told: dict[str, Any] = wiring.turned(RIG.supports)
-        same = wiring.source.ravel().tolist() == list(range(3 * RIG.n))
-        assert ("turned" in told, "moved" in told) == (same, wiring.whole)
-        made, turned, moved = value.copy(), told.get("turned", []), told.get("moved", [])
-        names = RIG.supports if turned == ["<each>"] else turned
-        signs = np.resize(told.get("signs", []), (len(names), 3))
-        for name, sign in zip(names, signs, strict=True):
-            made[:, place[name]] *= sign
-        for name, source in zip(moved[::2], moved[1::2], strict=True):
-            made[:, place[name]] = value[:, place[source]]
-        if told:
-            assert np.array_equal(made, wiring.signals(value))
-        kinds |= {("turned", len(turned)), ("moved", len(moved))}
-    assert {("turned", 1), ("turned", 2), ("moved", 4), ("moved", 6)} <= kinds
+_LINE = re.compile(r"`log\.supports\.([^`]*?)\.(position|force)(_scale)?: (\[[^`]*\])`")
+
+
+@pytest.mark.parametrize("quantity", ["position", "force"])
+@pytest.mark.parametrize("vectors", [False, True])
+def test_what_is_told_to_write_makes_of_readings_what_the_wiring_makes_of_them(
+    quantity: Literal["position", "force"], *, vectors: bool
+) -> None:
+    """The lines of every exchange and sign, pasted into a log in mm and kN with a scale stated."""
+    value, names = np.random.default_rng(1).normal(size=(RIG.n, 3)), RIG.supports
+    fields = [f"/{name}.{quantity}" for name in names]
+    channels = {
+        f"{field}.{a}": (i, k) for i, field in enumerate(fields) for k, a in enumerate("xyz")
+    }
+    own: dict[str, dict[str, Any]] = {
+        name: {quantity: field if vectors else [f"{field}.{a}" for a in "xyz"]}
+        for name, field in zip(names, fields, strict=True)
+    }
+    own[names[1]][f"{quantity}_scale"] = [1e-3, 2e-3, -1e-3] if quantity == "position" else 1e3
+    log: dict[str, Any] = {"length_unit": "mm", "force_unit": "kN", "supports": own}
+    loaded = LoadedRig(RIG, (LogBlock(**log),), None, Path("rig.yaml"), "", {})
+
+    def read(log: LogBlock, name: str) -> list[float]:
+        whose = list(getattr(log.support_fields(name), quantity))
+        whose = whose if len(whose) == 3 else [f"{whose[0]}.{a}" for a in "xyz"]
+        scale = log.scale(quantity, name)[0]
+        return [s * value[channels[field]] for s, field in zip(scale, whose, strict=True)]
+
+    asked = rewired_positions if quantity == "position" else partial(rewired_forces, measured=ALL)
+    code = "hinges-off" if quantity == "position" else "forces-exchanged"
+    for wiring in asked(names):
+        written = loaded.written(Finding(code, values=wiring.written(names))).values["lines"]
+        pasted = copy.deepcopy(log)
+        for name, _, scale, text in _LINE.findall(" ".join(cast(list[str], written))):
+            for whose in names if name == "<each>" else [name]:
+                pasted["supports"][whose][f"{quantity}{scale}"] = yaml.safe_load(text)
+        scale = [loaded.log[0].scale(quantity, name)[0] for name in names]
+        made = [read(LogBlock(**pasted), name) for name in names]
+        np.testing.assert_allclose(made, wiring.signals(value) * scale, rtol=1e-12)

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from tdfscal import simulation
-from tdfscal.records import Dwells, FloatArray, Rig
+from tdfscal.files.rig.draft import sketch_rig
+from tdfscal.numerics import so3
+from tdfscal.records import Dwells, FloatArray, Rig, UncertainValue
 from tdfscal.selfcal.linear_method import SOURCE
 from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Options, Recorder
@@ -69,3 +71,34 @@ def test_a_warned_geometry_widens_the_angles_by_the_move_that_it_names() -> None
     linear = self_calibrate(rig_file, dwells, rng=rng, estimator="linear", max_trials=100)
     assert linear.suspicions
     assert list(linear.uncertainty.contributions) == [SOURCE]
+
+
+@pytest.mark.parametrize(("support", "axis"), [(2, 1), (1, 0)])
+def test_an_axis_out_of_scale_is_told_though_it_measured_the_hinges(
+    support: int, axis: int
+) -> None:
+    """The angles move as far as is told, and what is told to write mends scale and hinges."""
+    rig = simulation.reference_rig()
+    dwells, _ = recorded(rig, 7)
+
+    def drafted(position: FloatArray) -> Rig:
+        stated = replace(rig.declared, hinge=1e-4, datum=1e-4)
+        drawn = sketch_rig(position, dwells.force, rig.gravity)
+        middle = UncertainValue(np.array([*drawn.barycentre, 0.0]), np.array([0.02, 0.02, np.inf]))
+        return replace(rig, hinge=drawn.hinge, barycentre=middle, declared=stated)
+
+    place = dwells.position.copy()
+    place[:, support, axis] *= 1.01
+    right, wrong = drafted(dwells.position), drafted(place)
+    result = fitted(wrong, replace(dwells, position=place))
+    (doubt,) = result.suspicions
+    assert doubt.harmful
+    assert doubt.move is not None
+    sound = fitted(right, dwells)
+    turned = so3.log(result.rotations.rotation @ np.swapaxes(sound.rotations.rotation, 1, 2))
+    np.testing.assert_allclose(doubt.move[:9], turned.ravel(), atol=0.05 * doubt.harm)
+    told = doubt.causes[0].values
+    hinge = wrong.hinge.copy()
+    hinge[support] = told["hinges"]
+    place[:, support] *= np.array(told["signs"])
+    assert not fitted(replace(wrong, hinge=hinge), replace(dwells, position=place)).suspicions

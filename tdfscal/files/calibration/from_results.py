@@ -245,7 +245,7 @@ def _file(
     rig, R, determined = origin.rig.rig, angles.rotation, angles.determined
     stand, trials = np.repeat(determined, 3), angles.trials
     covariance = angles.covariance[np.ix_(stand, stand)]
-    found = documents((*findings, *locked_sensors(rig.supports, R)))
+    found = documents((*map(origin.rig.written, findings), *locked_sensors(rig.supports, R)))
     own = {name: parts.pop(name) for name in ("zero", "zero_std", "sensitivity")}
     turns = {"parameters": turn_parameters(tuple(compress(rig.supports, determined)))}
     rows = parameter_rows(parts.get("parameters", turns)["parameters"], rig.supports)

@@ -6,7 +6,7 @@ import dataclasses
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from tdfscal.files.model_errors import checked, require_format
 from tdfscal.files.rig.model import RIG_FORMAT, RigFile
 from tdfscal.files.rig.recorders import LogBlock, TrackerBlock
 from tdfscal.files.yaml import Document, as_path, parse_document, read_document
-from tdfscal.frozen import record
+from tdfscal.findings import Finding
+from tdfscal.frozen import record, replace
 from tdfscal.records import (
     Acceptance,
     CampaignInfo,
@@ -35,6 +36,8 @@ DRIFT_UNITS = {"time": HOUR, "temperature": 1.0, "walk": HOUR**0.5, "angle": 1.0
 
 #: What a line says whose value the user has still to confirm.
 _MARK = re.compile(r"#.*\bconfirm\b")
+#: Findings whose channels are forces, not positions.
+_OF_FORCES = ("forces-exchanged", "sensor-turned")
 
 
 @record
@@ -67,6 +70,51 @@ class LoadedRig:
         """The tracker's point files, as `TrackerBlock.files` has them; none without a survey."""
         names = self.tracker.files if self.tracker else ()
         return tuple(self.path.parent / name for name in names)
+
+    def written(self, found: Finding) -> Finding:
+        """The same; where it says which channels are another's, or out of scale, with the lines."""
+        quantity: Literal["position", "force"] = "force" if found.code in _OF_FORCES else "position"
+        whole, lines = bool(found.values.get("whole")), list[str]()
+        for name, *sources in _threes(found, "moved", "sources"):
+            for what in ("position", "force") if whole else (quantity,):
+                if None not in (named := [self._channel(what, int(at)) for at in sources]):
+                    lines.append(f"`log.supports.{name}.{what}: [{', '.join(map(str, named))}]`")
+        scales = {
+            name: self._recorder(name, quantity).scale(quantity, name)[0]
+            for name in (self.rig.supports if found.values.get("turned") else ())
+        }
+        alike = len(set(scales.values())) == 1
+        for name, *signs in _threes(found, "turned", "signs"):
+            own = [name] if alike or name in scales else scales
+            for one in own:
+                scale = scales.get(one, scales[self.rig.supports[0]])
+                each = ", ".join(f"{s * each:.14g}" for s, each in zip(signs, scale, strict=True))
+                lines.append(f"`log.supports.{one}.{quantity}_scale: [{each}]`")
+        return replace(found, values={**found.values, "lines": lines}) if lines else found
+
+    def _recorder(self, support: str, quantity: str) -> LogBlock:
+        """Who records a support's position or force."""
+        logs = self.log or (LogBlock(),)
+        return next(log for log in logs if getattr(log.support_fields(support), quantity))
+
+    def _channel(self, quantity: str, at: int) -> str | None:
+        """The field of a channel, 3 i + axis; None where it has none of its own."""
+        i, axis = divmod(at, 3)
+        name = self.rig.supports[i]
+        fields = getattr(self._recorder(name, quantity).support_fields(name), quantity)
+        measured = self.rig.axes[i] if quantity == "force" else np.ones(3, dtype=np.bool_)
+        if len(fields) == 1 and measured.sum() > 1:
+            return f"{fields[0]}.{'xyz'[axis]}"
+        place = axis if len(fields) == 3 else int(measured[:axis].sum())
+        return str(fields[place]) if measured[axis] else None
+
+
+def _threes(found: Finding, names: str, numbers: str) -> list[tuple[Any, ...]]:
+    """Names of a finding, each with its three numbers."""
+    of, each = (found.values.get(key) for key in (names, numbers))
+    if not isinstance(of, list) or not isinstance(each, list):
+        return []
+    return list(zip(of, each[::3], each[1::3], each[2::3], strict=True))
 
 
 class EmbeddedRig(RigFile):

@@ -192,6 +192,15 @@ class LogBlock(Strict):
         x, f = (tuple(f"{support}.{what}{axis}" for axis in "xyz") for what in ("", "f"))
         return SupportFields.model_construct(position=x, force=f)
 
+    def scale(
+        self, quantity: Literal["position", "force"], support: str
+    ) -> tuple[tuple[float, ...], str | None]:
+        """M or N per unit of the log along x, y, z, and the unit where none is stated beside it."""
+        own = self.support_fields(support)
+        unit: str = self.length_unit if quantity == "position" else self.force_unit
+        stated = own.position_scale if quantity == "position" else own.force_scale
+        return stated or (UNITS[quantity][canonical(unit)],) * 3, None if stated else unit
+
     @property
     def fields(self) -> dict[tuple[str, str], tuple[str, ...]]:
         """By support and quantity, `position` or `force`: the fields that are named."""
