@@ -294,11 +294,17 @@ def _scatters(given: Whitened) -> list[Cause]:
 
 
 def _scatter(given: Whitened, kind: Kind, support: int | None, columns: FloatArray) -> Cause:
-    """A variance along columns (G, m / G, c)."""
+    """A variance along columns (G, m / G, c); it explains where, beside it, nothing stands out."""
     rows = columns.shape[:2]
     common = given.common.reshape(*rows, -1)
     theta, gain = best_variance(columns, given.residual.reshape(rows), common)
     size = np.sqrt(theta)
+    rest = given.scattered(size * columns) if theta > 0 else given
+    models, alone = _models(rest.at), rest.wrenches
+    asked = [rest.ask(model.columns) for model in models]
+    p = [float(chi2_sf(rest.chi2, rest.dof))]
+    p += [len(models) * float(chi2_sf(of.statistic, max(int(of.unknowns), 1))) for of in asked]
+    p += (len(alone.unknowns) * chi2_sf(alone.statistic, np.maximum(alone.unknowns, 1))).tolist()
     return Cause(
         kind=kind,
         support=support,
@@ -309,7 +315,8 @@ def _scatter(given: Whitened, kind: Kind, support: int | None, columns: FloatArr
         weight=gain - given.worth,
         unknowns=1,
         p_value=float(chi2_sf(gain, 1)) / 2,
-        remaining_p=1.0,  # as large as all that it has to explain
+        # Three questions, each at its own level.
+        remaining_p=min(1.0, 3 * min(p)),
     )
 
 

@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
-from tdfscal.frozen import record
+from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import layout, parameter_count, prior_std
 from tdfscal.model.postures import ZeroMotion
-from tdfscal.numerics.least_squares import Asked, ask_beside
+from tdfscal.numerics.least_squares import Asked, ask_beside, block_diagonal
 from tdfscal.records import BoolArray, FloatArray, IntArray, Rig
 
 #: Postures over which a zero is off before it returns; in one a contact is as likely.
@@ -161,6 +161,33 @@ class Whitened:
         best = int(np.argmax(asked.statistic - self.worth * (end < K)))
         ends = [first[best]] if end[best] == K else [first[best], end[best] - 1]
         return tuple(order[ends].tolist())
+
+    def scattered(self, columns: FloatArray) -> Whitened:
+        """The same with noise of variance 1 along columns (G, m / G, c), of G groups of rows."""
+        at, groups = self.at, len(columns)
+        if groups == 1:  # it connects the postures, as a parameter does
+            c = columns[0].shape[1]
+            at = replace(at, columns=np.hstack([at.columns, columns[0]]))
+            root, unknown = (
+                block_diagonal(self.root, np.eye(c)),
+                np.append(self.unknown, [False] * c),
+            )
+            return whiten(at, root, unknown)
+        U, s, _ = np.linalg.svd(columns, full_matrices=False)
+        weight = np.eye(U.shape[1]) - (U * (1 - 1 / np.hypot(1.0, s))[:, None]) @ np.swapaxes(
+            U, 1, 2
+        )
+
+        def weighted(rows: FloatArray) -> FloatArray:
+            return np.asarray((weight @ rows.reshape(*U.shape[:2], -1)).reshape(rows.shape))
+
+        at = replace(
+            at,
+            residual=weighted(at.residual),
+            columns=weighted(at.columns),
+            own=weight @ at.own,
+        )
+        return whiten(at, self.root, self.unknown)
 
 
 def whiten(at: Linearised, root: FloatArray, unknown: BoolArray) -> Whitened:
