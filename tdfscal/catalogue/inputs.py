@@ -47,6 +47,10 @@ log-missing warns
 campaign-misdated warns
   {subject}: campaign.date is {date}, the log's clock says {clock}, which holds
   -> correct the one that is wrong
+file-misdated warns
+  the name of {subject} says {date}, and the file is of {clock}, which counts, as the log holds no
+  date: a copied file has the day of the copy
+  -> state the day of recording in rig.yaml: `campaign: {{date: {date}}}`
 log-window notes
   the log is used {window} only
 recordings-unlisted warns

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -31,6 +33,8 @@ PathLikes = PathLike | Sequence[PathLike]
 FOLDER, LOG = "a folder", "a log"
 _DOCUMENTS = (".yaml", ".yml", ".json")
 _DAY = 86400.0
+#: A date in a file's name.
+_DATE = re.compile(r"(?<!\d)((?:19|20)\d\d)-?([01]\d)-?([0-3]\d)(?!\d)")
 _WANTED = {RIG: "name the folder of the logs, or give it by --rig",
            CALIBRATION: "name a campaign folder, or its logs"}  # fmt: skip
 _KINDS = (
@@ -278,18 +282,27 @@ def measured(log: LogPass) -> Measured:
         return found
     surveyed = () if log.ends else rig.surveys[1::2]
     times = [path.stat().st_mtime for path in surveyed or log.campaign.logs]
-    return Measured(min(times), max(times), "file")
+    seconds = log.end - log.begin if log.begin < log.end else 0.0  # a file's date is of its end
+    return Measured(min(*times, max(times) - seconds), max(times), "file")
 
 
 def misdated(log: LogPass) -> list[Finding]:
-    """Say so where rig file and log's clock are of other days."""
+    """Say so where rig file and log's clock, or a file's name and its date, are of other days."""
     date, found = log.rig.campaign.date, measured(log)
+    if found.source == "file":
+        names = [path.name for path in log.campaign.logs]
+        named = set(_DATE.findall(" ".join(names)))
+        dated = "-".join(named.pop()) if len(named) == 1 else ""
+        with suppress(ValueError):  # no day of any calendar
+            if abs(stated_date(dated).begin + _DAY / 2 - found.end) > 1.5 * _DAY:
+                values: dict[str, Value] = {"date": dated, "clock": day(found.end)}
+                return [Finding("file-misdated", tuple(names), values=values)]
     if date is None or found.source != "log":
         return []
     stated = stated_date(date)
     if max(stated.begin - found.end, found.begin - stated.end) <= _DAY:
         return []
-    values: dict[str, Value] = {"date": date, "clock": day(found.begin)}
+    values = {"date": date, "clock": day(found.begin)}
     return [Finding("campaign-misdated", (str(log.campaign.rig.path),), values=values)]
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from tdfscal.checks.shared_data import Recorded, readings, repeated_in
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import LogInUse, take
-from tdfscal.commands.campaign import measured
+from tdfscal.commands.campaign import measured, misdated
 from tdfscal.commands.log_pass import Settings, delay_of, where_few
 from tdfscal.commands.options import Option, silent, window
 from tdfscal.commands.recordings import left_out
@@ -127,7 +127,7 @@ def validate(
     lost = list[Finding]()
     if isinstance(result, Validation):
         lost = left_out(result.left_out.values(), len(result.dwells))
-    found = (*log.known, *own, *past, *lost, *result.findings)
+    found = (*log.known, *misdated(log), *own, *past, *lost, *result.findings)
     origin = Origin(c, log.name, log.campaign.rig, when, Making(command, tuple(log.inputs)))
     return ValidateResult(result, c, found, origin)
 

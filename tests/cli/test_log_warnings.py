@@ -1,6 +1,7 @@
 """What a log's warnings say reaches the user once, and also where the calibration fails."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -97,3 +98,20 @@ def test_a_date_that_the_clock_contradicts(date: str, told: bool, tmp_path: Path
     assert made.measured is not None
     assert (made.measured.source, made.measured.begin[:10]) == ("log", "2025-06-15")
     assert ("campaign-misdated" in {finding.code for finding in made.findings}) == told
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [("r_2026-03-02.csv", True), ("r20260302.csv", True), ("r_1-2026-03.csv", False)],
+)
+def test_a_date_in_a_name_that_the_file_contradicts(name: str, told: bool, tmp_path: Path) -> None:
+    """A file's date is that of its end; its name's is told, and counts once the rig file has it."""
+    campaign = shutil.copytree(SAMPLES / "csv", tmp_path / "campaign")
+    (log,) = campaign.glob("*.csv")
+    os.utime(log.rename(campaign / name), (1.76e9, 1.76e9))
+    made = tdfscal.calibrate(campaign, trials=0)
+    assert made.measured is not None
+    when = made.measured.record()
+    assert (when.source, when.end) == ("file", 1.76e9)
+    assert when.begin == pytest.approx(1.76e9 - 108.76, abs=1.0)
+    assert ("file-misdated" in {finding.code for finding in made.findings}) == told
