@@ -44,6 +44,9 @@ Values = tuple[FloatArray, FloatArray | None]
 _THREADS: Final = 2
 _GLANCE: Final = 1 << 16
 _PARSER_BLOCK: Final = 1 << 20  # stays in the cache
+#: Lines that are wrong of which a message has the numbers; and after which none is looked for.
+_LISTED: Final = 4
+_WRONG: Final = 100
 _WITH_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _RUN = re.compile(rb"[ \t]{2,}|\t|(?m:^ | (?=\r?$))")
 _OUTER = re.compile(rb"(?m)^ | (?=\r?$)")
@@ -65,7 +68,7 @@ class TextLog(LogFile):
             table, wanted = find_columns(file.lines, request)
             parser = RowParser(table, wanted, file.newline, request.mapping.decimal)
             line, row, series = table.lines + 1, 0, request.mapping.rows == "timeseries"
-            above, ended = b"", True
+            above, ended, wrong = b"", True, dict[int, DataError]()
 
             def parsed(given: tuple[bytes, bool]) -> tuple[bytes, bool, int, Values | None]:
                 count = parser.count(given[0])
@@ -76,10 +79,15 @@ class TextLog(LogFile):
                     if not (whole or parser.ends_alike(block, above, series)):
                         continue
                     above, ended = block, whole
-                    vectors, time = parser.slow(block, line) if values is None else values
-                    yield table_piece(request, vectors, time, row, sparse=wanted.sparse)
+                    vectors, time = parser.slow(block, line, wrong) if values is None else values
+                    if not wrong:
+                        yield table_piece(request, vectors, time, row, sparse=wanted.sparse)
                     row += vectors.shape[2]
                     line += count
+                    if len(wrong) > _WRONG:
+                        break
+        if wrong:
+            raise _all_of(wrong)
         if row == 0 and file.cut_at is not None:
             raise DataError(
                 "the only row below the header has no end and may be cut short",
@@ -186,11 +194,11 @@ class RowParser:
             return None
         return values
 
-    def slow(self, block: bytes, first_line: int) -> Values:
+    def slow(self, block: bytes, first_line: int, wrong: dict[int, DataError]) -> Values:
         """Parse a block line by line.
 
-        first_line : the number of its first line, from 1. Raises DataError for the first line that
-        is wrong.
+        first_line : the number of its first line, from 1. wrong : takes the lines that are. Raises
+        DataError for a column in which all are.
         """
         kept: list[list[float]] = []
         rows = [(number, self._cells(line)) for number, line in self._lines(block, first_line)]
@@ -200,8 +208,13 @@ class RowParser:
             return begins and all(row[c].lower() in _UNREAD for _, row in rows if c < len(row))
 
         for number, cells in rows:
-            with placed(f"line {number}"):
-                kept.append(self._row(cells, never))
+            try:
+                with placed(f"line {number}"):
+                    kept.append(self._row(cells, never))
+            except DataError as error:
+                if error.fields:
+                    raise
+                wrong[number] = error
         return self._scaled(np.array(kept, dtype=np.float64).reshape(-1, len(self._columns)))
 
     def _scaled(self, numbers: FloatArray) -> Values:
@@ -276,6 +289,18 @@ class RowParser:
             what, hint = "the cell is empty", "correct that cell, or leave its row out"
         fields = (name, bare) if never else ()
         return DataError(what, where=f"column {name}", hint=hint, fields=fields)
+
+
+def _all_of(wrong: dict[int, DataError]) -> DataError:
+    """The first of wrong lines, with the numbers of the next and how many they are."""
+    (_, first), *others = wrong.items()
+    if not others:
+        return first
+    lines = ", ".join(str(line) for line, _ in others[:_LISTED])
+    more = f" and {len(others) - _LISTED} others" if len(others) > _LISTED else ""
+    least = "at least " if len(wrong) > _WRONG else ""
+    said = f"lines {lines}{more} are wrong too, {least}{len(wrong)} in all"
+    return first.restated(what=f"{first.what}; {said}")
 
 
 def _number(cell: str, decimal: str) -> float | None:

@@ -145,6 +145,10 @@ def test_unit_in_brackets_is_honoured_or_checked(tmp_path: Path) -> None:
         (text(HEADER + ",FX", *(r + ",9" for r in ROWS)), "column FX is there 2 times"),
         (text(HEADER, *ROWS, "0.2,1,2,3,4,5"), "line 4: the line has 6 cells, the header 7"),
         (text(HEADER, *ROWS, "0.2,1,2,3,4,5,6,7"), "line 4: the line has 8 cells"),
+        (
+            text(HEADER, *ROWS, "0.2", ROWS[0], "0.3,x,2,3,4,5,6", "1"),
+            "line 4: .*lines 6, 7 are .*3 in all",
+        ),
         (text(HEADER, "", *ROWS, "0.2,1,,3,4,5,6"), "line 5, column Y: the cell is empty"),
         (text(HEADER, *ROWS, "0.2,1,2,3,nan,5,6"), "line 4, column FX: 'nan' is not a finite"),
         (text(HEADER, *ROWS, "0.2,1,2,3,4,-inf,6"), "line 4, column FY: '-inf' is not a finite"),
