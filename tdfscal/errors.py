@@ -63,7 +63,7 @@ class TdfscalError(Exception):
     where : file, field, line or time; put in front of the sentence.
     hint : what to do, a sentence without its full stop.
     evidence : records of what was seen until then, for a page about it.
-    fields : of a log, that the error is about, as the mapping names them.
+    fields : of a log, that are there and hold no number.
     findings : what was found, for those who have the words.
     """
 

@@ -170,8 +170,9 @@ def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str)
         nearest = "it has none"
     return DataError(
         f"no {kind} {shown}; {nearest}",
-        hint="name the fields in the log block of rig.yaml as the recorder names them",
-        fields=missing,
+        hint="name the fields in the log block of rig.yaml as the recorder names them; where two "
+        "recorders wrote them apart, `log` is a list, a block for each recorder, as `tdfscal init` "
+        "writes it of both recorders' files together",
     )
 
 

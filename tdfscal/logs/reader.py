@@ -242,13 +242,7 @@ def _in_sequence(paths: Sequence[Path], request: Request) -> list[Path]:
 
 
 def _with_cure(error: DataError, request: Request, *, alone: bool) -> DataError:
-    """The error with what to do where fields are none of the log's; alone : its only file."""
-    cures = [error.hint] if error.hint else []
-    if error.fields:
-        cures.append(
-            "where two recorders wrote them apart, `log` is a list, a block for each recorder, as "
-            "`tdfscal init` writes it of both recorders' files together"
-        )
+    """The error with what to do where fields hold no number; alone : the log's only file."""
     for signal in request.signals:
         whole = len(signal.fields) == 1 and signal.fields[0] in error.fields
         gone = {name for name in signal.own if whole or name in error.fields}
@@ -256,6 +250,6 @@ def _with_cure(error: DataError, request: Request, *, alone: bool) -> DataError:
             each = zip("xyz", signal.components, signal.measured, strict=True)
             left = [axis for axis, name, there in each if there and name not in gone]
             line = f"`axes: [{', '.join(left)}]` for {signal.support} in rig.yaml"
-            cures.append(f"where the sensor does not measure it, write {line}")
-            break
-    return error.restated(hint="; ".join(cures) or None)
+            cure = f"where the sensor does not measure it, write {line}"
+            return error.restated(hint="; ".join(filter(None, [error.hint, cure])))
+    return error

@@ -128,7 +128,7 @@ def columns_of(request: Request, present: Sequence[str]) -> dict[str, int]:
     for name in wanted:
         if (times := present.count(name)) > 1:
             what = f"column {name} is there {times} times"
-            raise DataError(what, hint="give each column its own name", fields=[name])
+            raise DataError(what, hint="give each column its own name")
     if missing := [name for name in wanted if name not in present]:
         raise missing_fields(missing, present, kind="column")
     return {name: present.index(name) for name in wanted}
@@ -228,7 +228,7 @@ def no_numbers(name: str, holds: str) -> DataError:
     return DataError(
         f"column {name} holds {holds}, not numbers",
         hint="name a column of numbers in the log block of rig.yaml",
-        fields=(name,),
+        fields=(name,) if holds == "null" else (),
     )
 
 
