@@ -27,6 +27,11 @@ samples-sparse refuses
   {limit:g} s or oftener
   -> in the log block of rig.yaml state `rows: postures` where each row is the mean of a posture,
     `time.unit` as ms (or us, ns) where the times are in that
+samples-dense refuses
+  by its times the log has {number:.3g} samples a second, as no recorder of forces has
+  ? span , and is {span:.2g} s long
+  -> in the log block of rig.yaml state `time.unit` as the recorder counts, such as s
+  @ log.time.unit
 temperature-unreadable refuses
   a temperature field holds no number
   -> name a field in °C, or take log.temperature and drift.temperature out

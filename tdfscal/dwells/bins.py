@@ -28,6 +28,9 @@ _WIDTH = 0.02  # s; shorter than any settling, long enough to average the sample
 MOST_BINS = 225 * 1024
 _WIDEST, _LONG = 0.16, 4  # s, and how many times as many bins there may be from then on
 _SLOWEST = 2.0  # s
+#: No force is sampled at shorter intervals, s; nor at the second ones in so short a log.
+_FASTEST, _FAST, _SHORTEST_LOG = 1.9e-5, 1.1e-4, 5.0
+_MANY = 100_000
 _SLAB = 16384  # samples reduced at once; they stay in the cache
 # samples searched for the smallest step of the readings, and for zeros
 _PEEK, _PEEK_OF = 2048, 65536
@@ -271,6 +274,24 @@ class _Binner:
             np.minimum(self.quantum[stream], smallest, out=self.quantum[stream])
 
 
+def _opening(stream: Iterator[Log]) -> tuple[list[Log], list[FloatArray]]:
+    """Take pieces until each stream has shown its rate; them, and the first times of each."""
+    held: list[Log] = []
+    times: list[list[FloatArray]] = []
+    begin, end = np.inf, -np.inf
+    for piece in stream:
+        held.append(piece)
+        each = [series.time for series in (*piece.position, *piece.force)]
+        times = times or [[] for _ in each]
+        for known, time in zip(times, each, strict=True):
+            known.append(time[:_MANY])
+            begin, end = min(begin, *time[:1]), max(end, *time[-1:])
+        count = min(sum(len(t) for t in known) for known in times)
+        if count >= (1000 if end - begin >= _SHORTEST_LOG else _MANY):
+            break
+    return held, [np.concatenate(known) for known in times]
+
+
 def reduce_to_bins(
     pieces: Iterable[Log], width: float | None = None, most: int = MOST_BINS
 ) -> Bins:
@@ -286,17 +307,7 @@ def reduce_to_bins(
         for an empty log, times that step back or are not in seconds, readings that are not numbers.
     """
     stream = iter(pieces)
-    held: list[Log] = []  # until each stream has shown its rate
-    times: list[list[FloatArray]] = []
-    for piece in stream:
-        held.append(piece)
-        each = (*piece.position, *piece.force)
-        times = times or [[] for _ in each]
-        for known, series in zip(times, each, strict=True):
-            known.append(series.time[:100_000])
-        if min(sum(len(t) for t in known) for known in times) >= 1000:
-            break
-    joined = [np.concatenate(known) for known in times]
+    held, joined = _opening(stream)
     if not joined or min(len(t) for t in joined) < 2:
         raise DataError(Finding("samples-few"))
     period = np.array([np.median(np.diff(t)) for t in joined])
@@ -305,7 +316,12 @@ def reduce_to_bins(
     if period.max() > _SLOWEST:
         values: dict[str, Value] = {"limit": _SLOWEST}
         raise DataError(Finding("samples-sparse", (), float(period.max()), "s", values=values))
-    begin = min(float(t[0]) for t in joined)
+    begin, end = min(float(t[0]) for t in joined), max(float(t[-1]) for t in joined)
+    if period.min() < (_FAST if end - begin < _SHORTEST_LOG else _FASTEST):
+        values = {"span": end - begin if len(joined[0]) < _MANY else None}
+        raise DataError(
+            Finding("samples-dense", (), 1.0 / float(period.min()), "Hz", values=values)
+        )
     width = width or max(_WIDTH, 2.0 * float(period.max()))
     # Half a sample early: samples then lie amid the bins, and rounding cannot move them.
     origin = begin - 0.5 * float(period.min())

@@ -9,7 +9,7 @@ import numpy as np
 from tdfscal.catalogue.numbers import when
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
-from tdfscal.records import BoolArray, FloatArray, Rows
+from tdfscal.records import BoolArray, FloatArray, Rows, by_wall_clock
 
 MAX_STEP_BACK = 1.0
 """A clock that steps back by more than this many seconds was set anew: refused."""
@@ -67,11 +67,16 @@ class Clock:
         pauses = step[int(not np.isfinite(self._last)) :]
         if self._rows != "postures" and pauses.max(initial=0.0) > MAX_PAUSE:
             k = int(np.argmax(pauses)) + time.size - pauses.size
+            was, now = time[k - 1] if k else self._last, time[k]
+            hint = "correct or leave out this stamp; give the logs of another month as a campaign "
+            hint += "of their own"
+            for unit, ticks in (("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
+                if by_wall_clock(was / ticks, now / ticks):
+                    hint = f"in the log block of rig.yaml state `time.unit: {unit}` where it says "
+                    hint += f"s: the times are then of {when(now / ticks)}"
             raise DataError(
-                f"the time of {self.name} goes from {when(time[k - 1] if k else self._last)} to "
-                f"{when(time[k])}, more than a month",
-                hint="correct or leave out this stamp; give the logs of another month as a "
-                "campaign of their own",
+                f"the time of {self.name} goes from {when(was)} to {when(now)}, more than a month",
+                hint=hint,
             )
         if (step > 0.0).all():
             self._note(time, step)

@@ -89,3 +89,12 @@ def test_what_cannot_be_used_is_refused_with_its_place(fault: str, log: Log) -> 
         assert "ncp2, force" in raised.value.where
     if fault == "nan":
         assert f"{force.time[12]:.6f}" in str(raised.value)
+
+
+@pytest.mark.parametrize(("scale", "code"), [(1e-3, "dense"), (1e-6, "dense"), (1e3, "sparse")])
+def test_times_in_another_unit_are_no_recorder_s(scale: float, code: str, log: Log) -> None:
+    scaled = [Series((s.time - 1.7e9) * scale, s.value) for s in (*log.position, *log.force)]
+    n = len(log.supports)
+    with pytest.raises(DataError) as raised:
+        reduce_to_bins([replace(log, position=tuple(scaled[:n]), force=tuple(scaled[n:]))])
+    assert raised.value.finding.code == f"samples-{code}"

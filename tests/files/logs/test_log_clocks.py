@@ -2,8 +2,13 @@
 
 from pathlib import Path
 
+import numpy as np
+import pytest
+
+from tdfscal.errors import DataError
 from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.logs import read_log
+from tdfscal.logs.clock import Clock
 from tests.files.logs.log_making import STAMPED, point_stamped, small_mcap, wrench_stamped, write
 from tests.words import in_words
 
@@ -55,3 +60,9 @@ def test_a_signal_that_stops_or_starts_apart_from_the_others(tmp_path: Path) -> 
     assert warnings(0, 180) == ["/f ends 1.05 s before the others"]
     assert warnings(100, 201) == ["/f begins 5 s after the others"]
     assert warnings(60, 101) == ["/f begins 3 s after the others", "/f ends 5 s before the others"]
+
+
+@pytest.mark.parametrize(("unit", "ticks"), [("us", 1e6), ("ns", 1e9)])
+def test_dates_in_a_smaller_unit_are_known(unit: str, ticks: float) -> None:
+    with pytest.raises(DataError, match=f"`time.unit: {unit}`.* 2025-06-15"):
+        Clock("column t", "timeseries").ascending(ticks * np.linspace(1.75e9, 1.75e9 + 1e3, 100))
