@@ -104,6 +104,9 @@ contact-stays warns
   -> find what touched the terminal or was laid on it (a cable, a rope, a tool), free it, and record
     this part again. The readings alone cannot tell it from an opposite push in all the rest: if it
     was that which was touched, record it again instead
+rest-touched warns
+  all that was kept was touched, with some {size} that stayed, and what was left out was free
+  -> free the terminal, and record again; keep what was left out
 """,
         f"{_SAID}{_SHIFT}",
         _BESIDES,

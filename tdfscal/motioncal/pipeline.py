@@ -151,8 +151,12 @@ def _judged(
     refuse_changed_delay(steps)
     # With hinges elsewhere than stated whatever else the residuals ask for is an echo.
     if not any(doubt.spoils(fit.moving) for doubt in placed):
-        changed = (suspicion_of(steps, known),) if steps else ()
-        doubts = likeliest([*suspicions(known), *changed])
+        asked = suspicions(known, rejected)
+        if asked and not steps:
+            # Something is there: what changed need no longer stand out of all instants by itself.
+            steps = likeliest_steps(fit, seen.determined, 1.0)
+        changed = [suspicion_of(steps, known)] if steps and steps[0].what != "delay" else []
+        doubts = likeliest([*asked, *changed])
     start = fit.priors.start(nominal(rig))
     return MotionCalibration(
         rig=rig,

@@ -39,9 +39,20 @@ from tdfscal.records import BoolArray, FloatArray, IntArray
 from tdfscal.significance import CONTACT_IN_MOTION
 
 
-def suspicions(of: Estimate[MovingFit]) -> tuple[Suspicion, ...]:
-    """Ask for every suspect, and return the likeliest with those that are about as likely."""
-    return likeliest(speaking(of, [*stated_suspects(of.fit), *_drifts(of.fit)]))
+def suspicions(of: Estimate[MovingFit], left_out: Sequence[Stretch] = ()) -> tuple[Suspicion, ...]:
+    """Ask for every suspect, and return the likeliest with those that are about as likely.
+
+    left_out : what was. Where that is an end of the log that was touched, it may be the rest that
+    was, by as much: then the model lacks that wrench.
+    """
+    found = likeliest(speaking(of, [*stated_suspects(of.fit), *_drifts(of.fit)]))
+    time = of.fit.slow.time
+    for stretch in left_out:
+        gap = min(stretch.begin - time[0], time[-1] - stretch.end)
+        if found and stretch.reason.code == _TOUCHED.code and gap < SHORTEST:
+            rest = replace(stretch.reason, code="rest-touched")
+            return (replace(found[0], causes=(*found[0].causes, rest)), *found[1:])
+    return found
 
 
 def _drifts(fit: MovingFit) -> Iterator[Suspect]:

@@ -154,10 +154,13 @@ def _columns(fit: MovingFit, item: BlockDesign) -> FloatArray:
     return item.across.wrench(np.concatenate([columns, delay[..., None], wrench], axis=2))
 
 
-def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tuple[Step, ...]:
+def likeliest_steps(
+    fit: MovingFit, determined: BoolArray | None = None, most: float = CHANGED_RIG
+) -> tuple[Step, ...]:
     """Find the likeliest step and those about as likely; none where noise does as well.
 
     determined : (n,), sensors whose turns the data show, by default all; the others stand.
+    most : largest chance that noise does as well anywhere in the log.
     """
     n, steps = fit.rig.n, _Steps(fit)
     suspects = [("delay", 0, np.array([6 * n])), (CONTACT, 0, np.arange(6 * n + 1, 6 * n + 7))]
@@ -170,7 +173,9 @@ def likeliest_steps(fit: MovingFit, determined: BoolArray | None = None) -> tupl
     # Neighbouring instants of a band of frequencies are no tests of their own.
     tests = 2 * BAND * len(steps.time) * len(suspects)
     asked = (
-        _at_its_best(steps, group, support, own, places, information[:, own[:, None], own], tests)
+        _at_its_best(
+            steps, group, support, own, places, information[:, own[:, None], own], tests, most
+        )
         for group, support, own in suspects
     )
     found = sorted(filter(None, asked), key=lambda step: step.worth, reverse=True)
@@ -186,10 +191,12 @@ def _at_its_best(
     places: IntArray,
     information: FloatArray,
     tests: float,
+    most: float,
 ) -> Step | None:
     """A step at its likeliest instant; None where noise does as well.
 
     own : its columns. information : (S, g, g), at the places. tests : made in all.
+    most : as of `likeliest_steps`.
     """
     every = np.arange(len(steps.time))
     at = np.interp(every, places, np.arange(len(places)))
@@ -207,9 +214,9 @@ def _at_its_best(
     columns, residual, cross = np.split(sums, ends, axis=2)
     best = steps.likeliest(group, support, cross, columns[..., own], residual[..., 0])
     p_value = tests * float(chi2_sf(best.statistic, size))
-    if p_value <= CHANGED_RIG:
+    if p_value <= most:
         p_value = max(p_value, tests * float(chi2_sf(steps.beyond(place, own), size)))
-    if p_value > CHANGED_RIG:
+    if p_value > most:
         return None
     near = np.flatnonzero(curve > curve[place] - _WITHIN)
     begin, end = steps.time[[max(near[0] - 1, 0), min(near[-1] + 1, len(every) - 1)]].tolist()
