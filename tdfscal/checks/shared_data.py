@@ -63,12 +63,10 @@ class Recorded:
 
     def lies_in(self, others: Collection[Recorded]) -> bool:
         """Whether all of its samples are in one of the others too."""
-        return any(self.meets(other) and self._within(other.span) for other in others)
-
-    def _within(self, span: tuple[float, float] | None) -> bool:
-        if self.span is None or span is None:
-            return span is None or self.span == span
-        return span[0] <= self.span[0] and self.span[1] <= span[1]
+        whole = (-np.inf, np.inf)
+        begin, end = self.span or whole
+        spans = (other.span or whole for other in others if self.meets(other))
+        return any(first <= begin and end <= last for first, last in spans)
 
 
 @record

@@ -235,20 +235,16 @@ def _explain(
     elif off > _ALONG_LOAD:
         code = "angle-few-postures"
     else:
+        need = 2 * across * angle.std / limit
+        digits = 10 ** (np.floor(np.log10(max(need, _CARRIED))) - 1)  # two, upwards
         enough = across >= _CARRIED and angle.std < 1
         values |= {
             "within": float(np.degrees(spread)),
             "carried": across >= _CARRIED,
             "across": across,
-            "enough": f"{_round_up(2 * across * angle.std / limit)} N" if enough else "",
+            "enough": f"{np.ceil(need / digits) * digits:.0f} N" if enough else "",
         }
     return Weakness(angle, Finding(code, (angle.support,), angle.std, "rad", values=values))
-
-
-def _round_up(value: float) -> str:
-    """Two significant digits, upwards."""
-    digits = 10 ** (np.floor(np.log10(value)) - 1)
-    return f"{np.ceil(value / digits) * digits:.0f}"
 
 
 Change = Literal["postures", "squeeze", "tare", "seconds"]

@@ -191,19 +191,12 @@ def worst_zero(
     return float(size[worst]), f"{'xyz'[worst % 3]} of {rig.supports[worst // 3]}"
 
 
-def _weight(doubt: Suspicion) -> float:
-    return doubt.weight
-
-
-def _of_axes(doubt: Suspicion) -> float:
-    return doubt.weight + CAUSES_APART * (doubt.kind in _ZEROS)
-
-
 def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
     """The likeliest suspicion, and those that are about as likely."""
     # What one axis explains about as well as all three is of that axis.
-    best = {(doubt.causes[0].code, doubt.support): doubt for doubt in sorted(found, key=_of_axes)}
-    ranked = sorted(best.values(), key=_weight, reverse=True)
+    found = sorted(found, key=lambda doubt: doubt.weight + CAUSES_APART * (doubt.kind in _ZEROS))
+    best = {(doubt.causes[0].code, doubt.support): doubt for doubt in found}
+    ranked = sorted(best.values(), key=lambda doubt: doubt.weight, reverse=True)
     near = [doubt for doubt in ranked if ranked[0].weight - doubt.weight < CAUSES_APART]
     return tuple(replace(doubt, tied=doubt.tied or k > 0) for k, doubt in enumerate(near))
 

@@ -153,7 +153,9 @@ def usual_motion(rig: Rig, request: MovingRequest) -> Multisine:
     line = np.round(np.linspace(1, max(1, int(_FASTEST * duration)), 3 * rig.n))
     time = np.linspace(0.0, duration, max(60, int(_FINE * duration)) + 1)
     signal = _signals(line, duration, time)
-    turn, way = _turn(limits, signal[:, 3:6]), _way(limits, signal[:, :3])
+    turn, room_left = _turn(limits, signal[:, 3:6]), limits.travel.min(axis=0)
+    # To the end of the travel; none where that is not stated.
+    way = np.where(np.isfinite(room_left), room_left, 0.0) / np.abs(signal[:, :3]).max(axis=0)
     motion, home = Multisine(rig, request, line, way, turn, 1.0), limits.at_home(rig)
     for _ in range(_ROUNDS):  # way and speed grow almost linearly with both
         course = motion.at(time)
@@ -196,12 +198,6 @@ def _turn(limits: Limits, signal: FloatArray) -> float:
     return turn
 
 
-def _way(limits: Limits, signal: FloatArray) -> FloatArray:
-    """Size (3,), m, of translations (N, 3) that end with the travel; 0 where none is stated."""
-    room = limits.travel.min(axis=0)
-    return np.asarray(np.where(np.isfinite(room), room, 0.0) / np.abs(signal).max(axis=0))
-
-
 def forecast(motion: Multisine, rng: np.random.Generator, draws: int = DRAWS) -> Forecast:
     """Uncertainty to expect of a motion; NaN for sensors of one axis or none, which have no angles.
 
@@ -209,7 +205,7 @@ def forecast(motion: Multisine, rng: np.random.Generator, draws: int = DRAWS) ->
     known; the mean variance over the draws stands.
     """
     rig, request = motion.rig, motion.request
-    time = instants(request.duration)
+    time = np.arange(int(request.duration * _RATE)) / _RATE
     course, R = motion.at(time), nominal(rig).rotation
     open_ends = (rig.axes.sum(axis=1) < 2)[:, None]
     unplanned = request.limits.repeatability_force(rig)
@@ -218,11 +214,6 @@ def forecast(motion: Multisine, rng: np.random.Generator, draws: int = DRAWS) ->
         courses = [_with_errors(course, unplanned, rng) for _ in range(draws)]
     variance = [so3.rpy_variance(R, _covariance(rig, request, each, time)) for each in courses]
     return Forecast(np.where(open_ends, np.nan, np.sqrt(np.mean(variance, axis=0))))
-
-
-def instants(duration: float) -> FloatArray:
-    """Times (N,), s, at which a motion is looked at."""
-    return np.arange(int(duration * _RATE)) / _RATE
 
 
 def _covariance(

@@ -196,11 +196,6 @@ def make_plan(
     return planner.plan(USUAL if postures is None else postures)
 
 
-def objective(C: FloatArray, L: FloatArray) -> float:
-    """Return tr(L C Lᵀ) for a covariance C (p, p) and L (r, p)."""
-    return float(np.einsum("rp,pq,rq->", L, C, L))
-
-
 def gains(J: FloatArray, C: FloatArray, L: FloatArray) -> FloatArray:
     """Fall (N,) of tr(L C Lᵀ) by each candidate's rows J (N, m, p), by the matrix lemma."""
     N, m, p = J.shape
@@ -259,11 +254,11 @@ def choose(
     chosen = greedy(J, base, L, count)
     for _ in range(_SWEEPS):
         C = inverse(base + information(J[chosen]))
-        value = objective(C, L)
+        value = float(variances(C, L).sum())
         swapped = False
         for place, old in enumerate(chosen):
             without = updated(C, J[old], -1.0)
-            held = objective(without, L)
+            held = float(variances(without, L).sum())
             new, gain = best_gain(J, without, L, chosen, held - value * (1 - _WORTH))
             if new >= 0:
                 chosen[place], C = new, updated(without, J[new])

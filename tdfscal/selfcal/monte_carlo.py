@@ -17,13 +17,13 @@ import numpy.typing as npt
 
 from tdfscal.estimation.fit import Priors
 from tdfscal.estimation.uncertainty import UNDECLARED, Estimate, simulate_angles
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import replace
 from tdfscal.model.parameters import EVEN_TURN, unmixing
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import MonteCarlo
 from tdfscal.numerics.least_squares import Spectrum
 from tdfscal.numerics.rotation_fits import crossed, descend, stacked
-from tdfscal.records import BoolArray, FloatArray, IntArray
+from tdfscal.records import BoolArray, FloatArray
 from tdfscal.selfcal.estimator import Fit, Problem, statistic
 from tdfscal.selfcal.mounting_search import Profile, profile
 
@@ -39,17 +39,6 @@ _NOISE = np.float32
 _NEAR = 0.05
 #: A direction with turns less certain than this is that of a sensor which lacks an axis, rad.
 _UNMEASURED = 0.3 * EVEN_TURN
-
-
-@record
-class Drawn:
-    """Noise of T perturbed campaigns.
-
-    numbers : (T, M) per sensor, standard normal. common : (T, r), of poses, hinges and priors.
-    """
-
-    numbers: tuple[npt.NDArray[np.float32], ...]
-    common: FloatArray
 
 
 class Sampler:
@@ -112,33 +101,29 @@ class Sampler:
             prior[-len(fit.rig.earlier.root) :] *= self.inflate
         self.common = _root_of(other + prior.T @ prior)
 
-    def draw(self, rng: np.random.Generator, trials: int) -> Drawn:
-        """Draw the noise of perturbed campaigns."""
-        sizes = [len(effect) for effect in self.effects]
-        numbers = [rng.standard_normal((trials, size), dtype=_NOISE) for size in sizes]
-        common = rng.standard_normal((trials, self.common.shape[1])) @ self.common.T
-        return Drawn(tuple(numbers), common)
-
-    def roots(self, drawn: Drawn, which: IntArray) -> FloatArray:
-        """Roots (T, m, 9n + 1) of some of the perturbed campaigns."""
-        T, (rank, width) = len(which), self.root.shape
+    def _roots(self, numbers: list[npt.NDArray[np.float32]], common: FloatArray) -> FloatArray:
+        """Roots (T, m, 9n + 1) of perturbed campaigns; numbers, common : their noise."""
+        T, (rank, width) = len(common), self.root.shape
         noise = np.zeros((T, rank, width))
-        noise[:, :, -1] = drawn.common[which]
-        for i, (mixing, numbers) in enumerate(zip(self.mixing, drawn.numbers, strict=True)):
-            noise[:, :, 9 * i : 9 * i + 9] = np.tensordot(numbers[which], mixing, 1)
+        noise[:, :, -1] = common
+        for i, (mixing, own) in enumerate(zip(self.mixing, numbers, strict=True)):
+            noise[:, :, 9 * i : 9 * i + 9] = np.tensordot(own, mixing, 1)
         rest = np.broadcast_to(self.rest, (T, *self.rest.shape))
         return np.concatenate([self.root + noise, rest], axis=1)
 
-    def solve(self, drawn: Drawn) -> tuple[FloatArray, BoolArray]:
-        """Rotations (T, n, 3, 3) of the trials, and which settled.
+    def draw(self, rng: np.random.Generator, T: int) -> tuple[FloatArray, BoolArray]:
+        """Rotations (T, n, 3, 3) of perturbed campaigns, and which settled.
 
         Steps with the estimate's Hessian and each trial's gradient: where these do not contract
         (weak rigs), or lead far, a damped Newton iteration from the estimate takes over.
         """
-        T, base, rank = len(drawn.common), self.fit.state.rotation, len(self.root)
-        each = zip(drawn.numbers, self.effects, strict=True)
+        base, rank = self.fit.state.rotation, len(self.root)
+        # Standard normal, per sensor; and of poses, hinges and priors together.
+        numbers = [rng.standard_normal((T, len(effect)), dtype=_NOISE) for effect in self.effects]
+        common = rng.standard_normal((T, self.common.shape[1])) @ self.common.T
+        each = zip(numbers, self.effects, strict=True)
         noise = [(z @ effect).reshape(T, 4, rank) for z, effect in each]
-        felt = drawn.common + sum(own[:, 0] for own in noise)
+        felt = common + sum(own[:, 0] for own in noise)
         rotation, turn = np.broadcast_to(base, (T, *base.shape)), np.zeros((T, len(base), 3))
         scale = np.sqrt(np.diagonal(self.covariance))
         scale = np.where(scale > 0, scale, np.inf)  # what no posture sees stays where it is
@@ -166,9 +151,8 @@ class Sampler:
         settled = np.ones(T, dtype=np.bool_)
         if len(hard):
             start = np.broadcast_to(base, (len(hard), *base.shape))
-            found = descend(
-                self.roots(drawn, hard), start, iterations=_DAMPED, tolerance=_SOLVED, curved=True
-            )
+            roots = self._roots([own[hard] for own in numbers], common[hard])
+            found = descend(roots, start, iterations=_DAMPED, tolerance=_SOLVED, curved=True)
             rotation[hard], settled[hard] = found.rotation, found.settled
         return rotation, settled
 
@@ -202,7 +186,7 @@ def simulate(
 
     def draw(size: int) -> FloatArray:
         nonlocal unsettled
-        rotation, settled = sampler.solve(sampler.draw(rng, size))
+        rotation, settled = sampler.draw(rng, size)
         unsettled += int(np.sum(~settled))
         if undeclared is not None:
             turn = rng.standard_normal((size, undeclared.shape[1])) @ undeclared.T

@@ -145,11 +145,6 @@ class Rival:
         """
         return 0.5 * float(chi2_sf(max(self.gap, 0.0), 1))
 
-    @property
-    def as_likely(self) -> bool:
-        """The data do not tell it from the estimate."""
-        return self.p_value > AMBIGUOUS_MOUNTING
-
 
 def best_start(rig: Rig, postures: Postures) -> Fit:
     """Estimate, not yet settled, in the basin of the lowest minimum over all mountings."""

@@ -104,7 +104,11 @@ def _fit_from(rig: Rig, postures: Postures, start: State) -> Fit:
     if used.all():
         return result
     if np.mean(~used) > _FEW:
-        result = _reweighted(rig, postures, result.state)
+        result = fit(rig, postures, result.state)
+        for _ in range(_ROUNDS):  # Student's weights
+            d2 = result.distance / spread(result.distance, result.at.rows)
+            weight = (_HEAVY_TAIL + result.at.rows) / (_HEAVY_TAIL + d2)
+            result = fit(rig, postures, result.state, weight)
         used = sound(result, everyone)
     return settled(rig, postures, fit(rig, postures, result.state, used.astype(np.float64)))
 
@@ -117,17 +121,6 @@ def settled(rig: Rig, postures: Postures, result: Fit) -> Fit:
         if (passed == used).all():
             break
         result = fit(rig, postures, result.state, passed.astype(np.float64))
-    return result
-
-
-def _reweighted(rig: Rig, postures: Postures, start: State) -> Fit:
-    """Few rounds of iteratively re-weighted least squares with Student's weights."""
-    result = fit(rig, postures, start)
-    for _ in range(_ROUNDS):
-        d2 = result.distance / spread(result.distance, result.at.rows)
-        result = fit(
-            rig, postures, result.state, (_HEAVY_TAIL + result.at.rows) / (_HEAVY_TAIL + d2)
-        )
     return result
 
 

@@ -40,6 +40,7 @@ from tdfscal.selfcal.outliers import (
 from tdfscal.selfcal.preparation import Usable, check_readings, misplaced_hinges, usable_postures
 from tdfscal.selfcal.score_tests import suspicions, wandering
 from tdfscal.significance import (
+    AMBIGUOUS_MOUNTING,
     CAUSE_EXPLAINS,
     CAUSES_APART,
     INTERVAL_COVERAGE,
@@ -203,7 +204,7 @@ def _check(fit: Fit, seen: Undetermined, usable: Usable, near: tuple[Rival, ...]
     rig = seen.rig
     try:
         require_angles(seen.observability, fit.converged, fit.iterations, seen)
-        if near and near[0].as_likely:
+        if near and near[0].p_value > AMBIGUOUS_MOUNTING:  # the data do not tell it
             mountings, same = describe(rig, fit.state, near[0].state)
             values: dict[str, Value] = {"mountings": mountings, "same": same}
             if (used := int(np.count_nonzero(fit.weight))) < ENOUGH:

@@ -192,7 +192,10 @@ def check_forces(rig: Rig, observed: Postures, start: Fit, rests: Rests | None =
         Forces and weight differ, or one mistake explains what the readings as they are do not.
     """
     strongest = np.linalg.norm(observed.force - rig.zero.value, axis=2).sum(axis=1)
-    weak = bool(np.median(strongest) < _weakest(rig))
+    mass, std = float(rig.mass.value), float(rig.mass.std)
+    # With weaker ones no mounting makes them carry the weight.
+    least = mass * rig.gravity * (1 - log_against_rig.weight_tolerance(std / mass))
+    weak = bool(np.median(strongest) < least)
     held = log_against_rig.weight_share(nominal(rig), rig.gravity, observed.force)
     if weak and any(log_against_rig.unit_of(float(np.median(held)))):
         log_against_rig.check_weight(rig, observed, nominal(rig))
@@ -216,12 +219,6 @@ def _mirrored(rig: Rig, start: Fit) -> DataError:
     axis = min(turn, key=turn.__getitem__)
     mass = float(start.state.mass)
     return DataError(Finding("forces-mirrored", size=mass, unit="kg", values={"axis": axis}))
-
-
-def _weakest(rig: Rig) -> float:
-    """Sum of the forces' lengths, N, below which no mounting makes them carry the weight."""
-    mass, std = float(rig.mass.value), float(rig.mass.std)
-    return mass * rig.gravity * (1 - log_against_rig.weight_tolerance(std / mass))
 
 
 def check_readings(rig: Rig, observed: Postures, present: Fit, rests: Rests | None = None) -> None:

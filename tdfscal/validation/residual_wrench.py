@@ -19,7 +19,7 @@ from tdfscal.dwells.find import no_dwell
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import Calibrated, informed, loosened, with_own_load
+from tdfscal.model.calibrated import Calibrated, informed, loosened, redrawn, with_own_load
 from tdfscal.model.parameters import State, nominal, starting_state, with_motions
 from tdfscal.model.postures import Rests, ZeroAge
 from tdfscal.model.statics import Balance, Postures, balance, features_jacobian, postures
@@ -176,7 +176,8 @@ def validate(
     if not judged.holds:
         rests = Rests(used + 1, dwells.start[used])
         refuse_misread(given, rig, observed, lambda *part: tested(*part)[1], rests)
-    given = zeros.brought_into(given)
+    if zeros.moved:
+        given = redrawn(given, zero=(zeros.value, zeros.covariance))
     before, after = (
         contact_wrench(state, given.rig.gravity, balanced.rotation, balanced.seen.force)
         for state in (nominal(given.rig), given.state)

@@ -104,12 +104,6 @@ class Zeros:
     value: FloatArray
     covariance: FloatArray
 
-    def brought_into(self, given: Calibrated) -> Calibrated:
-        """Return the calibration with these zeros, where they moved."""
-        if not self.moved:
-            return given
-        return redrawn(given, zero=(self.value, self.covariance))
-
 
 @record(kw_only=True)
 class Verdict:

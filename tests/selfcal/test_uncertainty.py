@@ -29,7 +29,7 @@ def test_monte_carlo_agrees_with_the_covariance() -> None:
     parts = information(RESULT.fit)
     sampler = Sampler(RESULT.fit, parts, 1.0)
     T = 2000
-    rotation, settled = sampler.solve(sampler.draw(np.random.default_rng(3), T))
+    rotation, settled = sampler.draw(np.random.default_rng(3), T)
     assert settled.all()
     d = so3.log(rotation @ np.swapaxes(RESULT.fit.state.rotation, -1, -2)).reshape(T, -1)
     C = estimate(RESULT.fit).uncertainty.covariance
@@ -48,7 +48,7 @@ def test_trials_of_the_weakest_rigs_are_finite() -> None:
     for k in range(3):
         result = fit_robust(rig, postures(rig, batch.dwells(k))).fit
         sampler = Sampler(result, information(result), 1.0)
-        rotation, settled = sampler.solve(sampler.draw(np.random.default_rng(k), 500))
+        rotation, settled = sampler.draw(np.random.default_rng(k), 500)
         assert np.allclose(np.linalg.det(rotation), 1.0, rtol=0, atol=1e-9)
         assert settled.mean() > 0.9
 
