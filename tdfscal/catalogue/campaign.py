@@ -34,8 +34,8 @@ mass-suspected warns
   -> weigh again, or write `terminal.mass.std: {stated}` in rig.yaml (kg)
 barycentre-suspected warns
   the barycentre is not where it is stated
-  -> correct the barycentre (a drawing's needs the drawing's hinges: those of a draft lie in another
-    LCS), or write `terminal.barycenter.std: {stated}` in rig.yaml (m)
+  -> correct the barycentre (of the hinges' own LCS), or write `terminal.barycenter.std: {stated}`
+    in rig.yaml (m)
 hinge-suspected warns
   the hinge of {subject} is not where it is stated
   -> measure the hinges again, or write `uncertainty.hinge: {stated}` in rig.yaml (m)
@@ -44,8 +44,7 @@ datum-suspected warns
   -> measure the servo datums, or write `uncertainty.datum: {stated}` in rig.yaml (m)
 axis-scale-suspected warns
   the Z axis of the positioner of {subject} is out of scale by {size}
-  -> measure its travel (dial gauge, tracker), and correct its scale factor, or the Z of
-    its `position_scale` in the log block of rig.yaml
+  -> measure its travel, and correct its scale, or the Z of its `position_scale` in rig.yaml
 tilt-suspected warns
   gravity is not along -Z of the BCS
   -> level the BCS, or write `gravity.tilt_std: {stated}` in rig.yaml (rad)
@@ -63,8 +62,8 @@ hysteresis-suspected warns
     (N·m)
 hinge-friction-suspected warns
   the moments scatter as friction of {stated} N·m in the hinges would make them
-  -> see whether the hinges move freely and the NCPs repeat as stated, or write
-    `uncertainty.hinge_moment: {stated}` in rig.yaml (N·m)
+  -> see whether the hinges move freely, or write `uncertainty.hinge_moment: {stated}` in rig.yaml
+    (N·m)
 force-noise-suspected warns
   the forces scatter by {stated} N per axis and posture beyond what is stated
   -> see what shakes or hums, or write `uncertainty.force_noise: {stated}` in rig.yaml (N)
@@ -101,9 +100,8 @@ zero-jumped warns
 contact-stays warns
   something pushed the terminal with {change:N} ± {change_95:N} (95 %) along x, y, z of the
   {frame}{posture: from posture ~|: it began or ended}{last: to ~|}{between:time}
-  -> find what touched the terminal or was laid on it (a cable, a rope, a tool), free it, and record
-    this part again. The readings alone cannot tell it from an opposite push in all the rest: if it
-    was that which was touched, record it again instead
+  -> find what touched the terminal or was laid on it, free it, and record this part again; or all
+    the rest, if that was touched: the readings cannot tell
 rest-touched warns
   all that was kept was touched, with some {size} that stayed, and what was left out was free
   -> free the terminal, and record again; keep what was left out
@@ -176,20 +174,18 @@ motion-left-out rejects
 moments-unlike-noise rejects
   the moments left over are no noise: positions would have to scatter by {size}, where {declared:m}
   is stated and the distances of the hinges show {shown:m}
-  -> look for what the motion has and the model lacks: inertia about another point, hinges
-    elsewhere, contact, cables; calibrate from dwells until then
+  -> look for another inertia, hinges elsewhere, contact, cables; calibrate from dwells until then
 methods-disagree rejects
   self-calibration and tracker differ beyond their uncertainties (joint {p}), in {above} of {of}
   angles by themselves (worst: {angle} of {support}: {difference:+.3g} mrad, E_n = {en:.2f})
-  -> calibrate by each method alone and compare: the tracker sees a sensor's body, self-calibration
-    its sensing axes (tracker.misalignment states what may lie between)
+  -> compare each method alone; what may lie between a sensor's body and its axes is
+    `tracker.misalignment`
 posture-over-capacity warns
   the {axis} axis of the sensor of {subject} reads {reading:.6g} N{time:time}; its capacity is
   {size}
 posture-saturated warns
   the {axis} axis of the sensor of {subject} is saturated at {reading:.6g} N{time:time}
-  -> squeeze less, carry less, or widen the range of sensor and amplifier; how much is cut off is
-    not known
+  -> squeeze less, carry less, or widen the range of sensor and amplifier
 range-exceeded warns
   by the other readings the {axis} axis of the sensor of {subject} would read up to {size} where it
   is cut off, {excess:N} beyond its range
@@ -199,19 +195,18 @@ range-exceeded warns
 posture-frozen warns
   the {axis} axis of the sensor of {subject} is frozen at {reading:.6g} N{time:time}
   ? since since {since:when}
-  -> look at the sensor's cable and amplifier; where it stays so, leave the axis out of the sensor's
-    `axes` in rig.yaml, with none in place of its field in `force` of the log block, or end before
-    it with --to
+  -> look at the sensor's cable and amplifier, leave the axis out of the sensor's `axes` in
+    rig.yaml, or end before it with --to
 posture-misfits warns
   unexplained force {size} and moment {moment:N·m} about the LCS origin, {ratio:.0f} times what is
   expected: contact, a hand, or a jolt
-  -> find what touched the terminal (cables, a hand, a stop), free it, and record again
+  -> find what touched the terminal, free it, and record again
 stretch-frozen warns
   the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} frozen
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
   -> look at the sensor's cable and amplifier, and record again; what is recorded calibrates
     {before:by the part before, with --to ~, or |}with `axes: [{others}]` for {subject} in rig.yaml,
-    and none in place of its {axis} {axes:fields|field} in `force` of the log block
+    and none for its {axis} {axes:fields|field} in the log block
 stretch-standing warns
   the position of {subject} is frozen while the terminal moves
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
@@ -219,21 +214,21 @@ stretch-standing warns
 stretch-over-capacity warns
   a sensor is at its capacity
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
-  -> squeeze less, or carry less; how much is cut off is not known
+  -> squeeze less, or carry less
 stretch-touched warns
   a wrench of {size} and {moment:N·m} about the barycentre that the model does not know: contact, or
   a motion too fast for it
   ? end : {begin:.2f} to {end:.2f} s of the log were left out
-  -> find what touched the terminal in the stretches left out (cables, a hand, a stop), and free it;
-    where nothing did, move more slowly, or hold eight or more postures for 3 s each
+  -> find what touched the terminal in the stretches left out, and free it; where nothing did, move
+    more slowly, or hold eight postures or more
 draft-unconfirmed warns
   the result rests on {number:.0f} lines of the rig file to be confirmed: {subject}
   -> confirm these lines, and take the mark behind them out
 terminal-turned warns
   the terminal stands turned by {degrees:.0f}°{axis: about ~ of the BCS|} in {always:every
   posture|most postures}{upright:; all fits as well, upright, with positions and forces of ~|}
-  -> check that the supports' names in the log are right{upright:; if they are, turn the LCS of
-    rig.yaml, hinges and barycentre, so that the terminal stands upright|}
+  -> check the supports' names in the log{upright:, or turn the LCS of rig.yaml, hinges and
+    barycentre, upright|}
 sensor-turned warns
   the sensor of {subject} is turned by {degrees:.0f}° from its nominal mounting
   -> look how {subject} sits: where it is turned, state its nominal_rpy in rig.yaml{lines:;
@@ -257,10 +252,9 @@ noise-understated warns
   the residuals are {number:.2g} times what the stated uncertainties explain ({p}); all noise was
   scaled up by that factor
 noise-overstated warns
-  the residuals are only {number:.2g} times what the stated uncertainties explain: those may be
-  overstated, and so the angles' own
-  -> see whether the rig file states more noise or drift than there is, and write less once a second
-    campaign says so too
+  the residuals are only {number:.2g} times what the stated uncertainties explain, which may be
+  overstated
+  -> state less noise or drift once a second campaign says so too
 mass-exact warns
   the mass is stated as exact: an error of 0.1 % would move the zero {zero} by {moved:N}
   ({shift:.2g} times its standard uncertainty) and hardly show in a residual

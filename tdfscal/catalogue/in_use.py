@@ -15,8 +15,7 @@ change-sensor-turned rejects
 change-sensors-turned rejects
   several sensors have turned, each by itself, or this is the calibration of another rig: {whose} by
   {change:rad}, ± {change_95:rad} (95 %)
-  -> see that this is the rig's own calibration, look at the mounting of every sensor, then
-    calibrate again
+  -> look whether it is, and at the mounting of every sensor, then calibrate again
 change-zero-drifted rejects
   the zero of {subject} {stated:is off what the rig file states|has drifted} by {change:N} along
   {axes} of the sensor, ± {change_95:N} (95 %)
@@ -24,12 +23,11 @@ change-zero-drifted rejects
 change-gain rejects
   the gain of {subject} has changed by {change:+} ± {change_95:-} % (95 %) along {axes} of the
   sensor{alike:, all alike|}{crosstalk:, with crosstalk|}
-  -> have this sensor, its amplifier and its cable checked; calibrate again with
-    uncertainty.force_sensitivity declared until then
+  -> have this sensor, its amplifier and its cable checked; calibrate with
+    uncertainty.force_sensitivity until then
 change-gains rejects
   the gains of all sensors have changed alike by {change:+} ± {change_95:-} % (95 %)
-  -> weigh the terminal; where that is right, look at what the amplifiers have in common (supply,
-    range, unit), then calibrate again
+  -> weigh the terminal, or look at what the amplifiers have in common, then calibrate again
 change-load rejects
   the terminal's mass has changed by {mass:+} ± {mass_95:-} kg (95 %)
   ? shifted , and its barycentre by {barycentre:m}, ± {barycentre_95:m}
@@ -59,18 +57,17 @@ change-zero-jumped rejects
   -> look at the sensor, its cable and amplifier, tare, and validate again
 change-zeros-drift rejects
   the zeros of {whose} drift over the log, by up to {size}
-  -> let sensors and amplifiers warm up and validate again, or state drift.time
+  -> let sensors and amplifiers warm up, or state drift.time
 change-zeros-follow-temperature rejects
   the zeros of {whose} follow the temperature, by up to {size} over the log
-  -> let sensors and amplifiers warm up and validate again, or state drift.temperature
+  -> let sensors and amplifiers warm up, or state drift.temperature
 change-zeros-moved rejects
   the zeros of all sensors have moved by about {size} per axis, farther than the rig file's zero.std
   has it
   -> tare, or state in zero.std by how much zeros move, and validate again
 change-zeros-wander rejects
   the zeros of all sensors wander by {size} per axis, from posture to posture and over the whole log
-  -> let sensors and amplifiers warm up, keep cables and temperature still, or state drift.walk, and
-    validate again
+  -> let sensors and amplifiers warm up, or state drift.walk, and validate again
 """,
     "{tied:or |}%s",
 )
@@ -139,8 +136,7 @@ compared-stated-otherwise notes
   {subject} rest on other stated values of {whats}, from which a part of a difference may come
 compared-other-rig rejects
   not of one rig: of that of {subject}, {differences}
-  -> leave the other rig's calibration out; or, where its rig file was only corrected, calibrate
-    that campaign again with the corrected file and compare anew
+  -> leave it out; or, where its rig file was only corrected, calibrate that campaign again by it
 calibration-open warns
   the calibration leaves zeros, mass or barycentre open: the uncertainty of the components that they
   touch is unknown (empty)
@@ -185,7 +181,7 @@ wrench-rewired warns
 reading-absurd warns
   {subject} reads {size} on {axis} at {time:.2f} s, {capacity:beyond its capacity of ~ N|which is a
   hundred times the weight and more}: no contact does that, and the wrench there is none
-  -> look at the sensor and its cable at that time; leave it out with --from, --to
+  -> look at the sensor and its cable; leave it out with --from, --to
 wrench-at-stops warns
   {stops:at most of its ~ stops|at its only stop} the wrench is larger than the stated uncertainty
   explains, in {subject}: in {axis} {size}, where {expected:.2g} is stated of a stop's mean (rms)
@@ -199,23 +195,22 @@ postures-left-out warns
   {number:.0f} of {postures} postures were left out (mostly: {reason})
 alarm-load rejects
   the load has changed {since}: mass or barycentre is not what it was ({check}; {p})
-  -> look for what the terminal carries now or lacks; weigh it, and state its mass and barycentre in
-    rig.yaml from that date on
+  -> weigh the terminal, and state its mass and barycentre in rig.yaml from that date on
 alarm-together rejects
   on {raised} all sensors together depart from what they were, and no turn of a single one explains
   it ({check}; {p})
-  -> look for what was loosened, exchanged or knocked at the sensors named, then calibrate anew and
-    go on from there, without the older files
+  -> look for what was loosened or knocked, then calibrate anew and go on from there, without the
+    older files
 alarm-step rejects
   {subject} has turned by {size} ± {spread} (95 %) {since}, by {change:rad}, ± {change_95:rad},
   about the BCS axes{late:; seen on ~|} ({check}; {p})
-  -> look for what was loosened, exchanged or knocked at the sensors named, then calibrate anew and
-    go on from there, without the older files
+  -> look for what was loosened or knocked, then calibrate anew and go on from there, without the
+    older files
 alarm-creep rejects
-  {subject} creeps by {size} ± {spread} a month (95 %) since about {onset}, by {change:rad},
-  ± {change_95:rad}, about the BCS axes{late:; seen on ~|} ({check}; {p})
-  -> look for what works loose or settles at the sensors named; calibrate more often, or declare
-    drift.angle where this pace is the rig's own
+  {subject} creeps by {size} ± {spread} a month (95 %) since about {onset}, by {change:rad}, ±
+  {change_95:rad}, about the BCS axes{late:; seen on ~|} ({check}; {p})
+  -> look for what works loose or settles; calibrate more often, or declare drift.angle where this
+    pace is the rig's own
 campaign-unsound rejects
   {subject} is not counted, since calibrate rejects it by itself: {why}
   -> {hint}
@@ -250,10 +245,10 @@ sensor-never-determined warns
   and its turn raises no alarm
 sensor-overdue warns
   the certificate of {subject}'s sensor ended on {due}{before:, before ~|}
-  -> have the sensor of {subject} calibrated or its certificate renewed (`sensor.due` in rig.yaml)
+  -> have it calibrated, and state the new `sensor.due` in rig.yaml
 home-unknown warns
   home is unknown ({why}): these coordinates are about (0, 0, 0) of the BCS
-  -> state the LCS origin at home, --home X,Y,Z, or record it beside the rig file
+  -> state the LCS origin at home, --home X,Y,Z
 path-in-contact rejects
   {subject}: the wrench reaches {size} in {axis} at {time:.4g} s of the path, where {limit:.3g} is
   the most without contact{zeros:|: something touched, zeros have moved, or a sensor has}

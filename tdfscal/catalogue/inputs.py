@@ -25,8 +25,8 @@ times-alike refuses
 samples-sparse refuses
   by its times the log has a sample every {number:.3g} s; dwells are found where there is one every
   {limit:g} s or oftener
-  -> in the log block of rig.yaml state `rows: postures` where each row is the mean of a posture,
-    `time.unit` as ms (or us, ns) where the times are in that
+  -> state `rows: postures` in the log block where each row is the mean of a posture, or its
+    `time.unit`, such as ms
 samples-dense refuses
   by its times the log has {number:.3g} samples a second, as no recorder of forces has
   ? span , and is {span:.2g} s long
@@ -34,7 +34,7 @@ samples-dense refuses
   @ log.time.unit
 temperature-unreadable refuses
   a temperature field holds no number
-  -> name a field in °C, or take log.temperature and drift.temperature out
+  -> name a field in °C, or none
   @ log.temperature
 log-truncated warns
   {subject}: the file ends within a record at byte {byte}, as one that was cut short does: it is
@@ -44,7 +44,7 @@ log-truncated warns
 recorders-overlap-in-part warns
   {subject} ran {own:.1f} s from {begin:+.1f} s of the first recorder's {span:.1f} s on: the
   {number:.1f} s that both ran are used
-  -> see whether a file of either is missing, or was cut short
+  -> see whether a file is missing, or was cut short
 log-missing warns
   {subject} describes a log{files: in ~|}, and there is none: all rests on the tracker's survey
   alone
@@ -85,7 +85,7 @@ readings-alone warns
 readings-zero warns
   the {signal} of {subject} drops to 0, 0, 0 and returns, at {number:.2%} of the samples, as if the
   recorder wrote zeros where it had no reading
-  -> let the recorder leave such cells empty, or repeat the last reading
+  -> let the recorder leave such cells empty
 readings-return warns
   readings leave their level and return within a stop in {several:~ places|one place}, first at
   {first:.2f} s

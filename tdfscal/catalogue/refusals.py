@@ -52,24 +52,23 @@ mountings-alike refuses
 axes-blind refuses
   the sensors together do not measure forces in all directions, so that the balance of forces and
   moments says nothing of their angles
-  -> at least one sensor has to measure the horizontal forces too
+  -> measure the horizontal forces too, by one sensor at least
   @ rig.yaml, supports.axes
 axis-frozen refuses
   the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} frozen: {axes:they stand|it
   stands} at {stuck:.6g} N in all {postures} postures that could be read{left_out: (~ more were left
   out)|}, and the whole log reads {low:.6g} to {high:.6g} N
   ? since , frozen since {since:when}
-  -> check the sensor, its amplifier and the recorder; what is recorded calibrates with `axes:
-    [{others}]` for {subject} in rig.yaml, and none in place of its {axis} {axes:fields|field} in
-    `force` of the log block{before:, or by the ~ stops before, with --to|}
+  -> check the sensor and its amplifier; what is recorded calibrates with `axes: [{others}]` for
+    {subject} in rig.yaml, and none for its {axis} {axes:fields|field} in the log block{before:, or
+    by the ~ stops before, with --to|}
   @ log forces
 axis-saturated refuses
   the {axis} {axes:axes|axis} of the sensor of {subject} {axes:are|is} saturated: {axes:they
   stand|it stands} at {stuck:.6g} N in all {postures} postures that could be read{left_out: (~ more
   were left out)|}
   ? moves , and the whole log reads {low:.6g} to {high:.6g} N
-  -> check the range of the sensor and of its amplifier, and squeeze less; how much is cut off is
-    not known
+  -> check the range of sensor and amplifier, and squeeze less
   @ log forces
 hinges-off refuses
   the NCP positions miss the hinge pattern of rig.yaml by {size}{hinge:: the hinge of ~ is not where
@@ -97,14 +96,13 @@ positions-renamed refuses
 lengths-rescaled refuses
   the NCPs stand {number:.4g} times as far apart as the hinges of rig.yaml
   ? units , as if the positions were {units}
-  -> {foreign:write the metres of one unit as `position_scale` beside each position of the log
-    block|{units:state the recorder's unit as log.length_unit in rig.yaml|check log.length_unit, the
-    position fields and the hinge coordinates}}
+  -> {foreign:write the metres of one unit as `position_scale` beside each position|{units:state it
+    as log.length_unit in rig.yaml|check log.length_unit, the position fields and the hinge
+    coordinates}}
   @ log positions
 reaction-recorded refuses
   the forces sum to the weight with the wrong sign, as if the sensors recorded the reaction
-  -> set log.force_on in rig.yaml to the other value, or state nominal_rpy where a sensor is mounted
-    upside down
+  -> turn log.force_on in rig.yaml, or state nominal_rpy where a sensor is mounted upside down
   @ log forces
 forces-rescaled refuses
   the forces sum to {number:.3g} times the weight of {mass:.6g} kg
@@ -125,9 +123,8 @@ force-rescaled refuses
   {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors ask of it{unit:,
   as if it were in ~|}{declared: where ~ is declared|}; without it the residuals fall from
   {before:.2g} to {after:.2g} times what is stated
-  -> look at the recorder's scaling of that channel, and at its amplifier. Write
-    `log.supports.{subject}.force_scale: [x, y, z]`, the newtons of one unit of the log on each
-    axis, or leave a faulty one out of `axes` in rig.yaml
+  -> look at that channel's scaling and amplifier. Write `log.supports.{subject}.force_scale: [x, y,
+    z]`, the newtons of one unit of the log on each axis, or leave a faulty one out of `axes`
   @ log forces
 zero-tared refuses
   the zero of {subject} jumped by ({jump}) N before posture {first:.0f}{between:time}{tared:, as a
@@ -141,8 +138,7 @@ zero-tared refuses
 forces-mirrored refuses
   the forces fit a terminal of {number:.4g} kg: {axis} of every sensor has the opposite sign, or
   sensors record the reaction
-  -> correct the force fields of the log block in rig.yaml (log.force_on for the reaction), or the
-    cabling
+  -> correct the force fields (log.force_on for the reaction) in rig.yaml, or the cabling
   @ log forces
 postures-unusable refuses
   no posture can be used
@@ -150,11 +146,11 @@ postures-unusable refuses
   @ log forces
 temperature-missing refuses
   zeros are declared to follow the temperature, but the log has none
-  -> name the recorder's field as log.temperature, or declare drift.time
+  -> name the field as log.temperature, or declare drift.time
   @ drift.temperature
 temperature-constant refuses
   the temperature is {number:.6g} °C in every posture, so that no slope against it can be known
-  -> check the sensor and the field, or take drift.temperature out of rig.yaml
+  -> check the sensor and the field, or take drift.temperature out
   @ log.temperature
 rig-supports notes
   its supports are {subject} instead of {others}
@@ -191,12 +187,12 @@ channel-dead refuses
   @ log forces
 positions-coarse refuses
   the positions are recorded in steps of {step:.3g} µm, which is an error of {error:.2g} µm where
-  the NCPs' own is {own:.2g} µm: in motion no dwell averages it out
+  the NCPs' own is {own:.2g} µm: in motion nothing averages it out
   -> record the positions with all their digits, or calibrate from dwells
   @ log positions
 motion-short refuses
   no stretch of {number:.0f} s is left to calibrate from in motion
-  -> record half a minute of motion or more, without holes in the streams
+  -> record half a minute of motion or more, without holes
   @ log
 motion-fast refuses
   the NCPs move faster than {number:.2g} Hz, the highest frequency that streams of {rate:.3g} Hz
@@ -207,43 +203,39 @@ recorder-not-found refuses
   the moves that the first recorder saw are not found in the recorder {subject}: the two, of
   {first:.1f} s and {second:.1f} s, did not run at the same time, or saw different campaigns
   ? short , or too few moves are left in the shorter, as of a file that was cut short
-  -> give the recordings of one campaign; `tdfscal info` shows what each holds, and when; of one
-    campaign, state clock.offset in its log block, as well as it is known
+  -> give the recordings of one campaign (`tdfscal info` shows when each was made), or state
+    clock.offset in its log block, as well as it is known
 forces-behind refuses
   the forces {late:lag behind|run ahead of} the positions by about {size}: with that, they balance
   far better
-  -> give the forces stamps that are {late:earlier|later} by that time, and see why the recorder
-    writes them so
+  -> give the forces stamps that are {late:earlier|later} by that time
   @ log
 recorder-clock-open refuses
   the clock of the recorder {subject} is not determined: with offsets of {likelier:.6f} s and
   {other:.6f} s to the first recorder's clock its moves are explained alike
-  -> state clock.offset in its log block as well as it is known, such as a value of {likelier:.6f}
-    with a std of 0.5, or record moves that do not repeat
+  -> state clock.offset in its log block as well as it is known, or record moves that do not repeat
 recorders-overlap-nowhere refuses
   with clock.offset as it is stated, {offset:.6f} s, the recorder {subject} ran from {begin:.1f} s
   to {end:.1f} s, where the first ran from 0 s to {span:.1f} s: the two do not overlap
   ? found , and their moves agree with an offset of {likelier:.6f} s
   ? reversed : the sign is turned
-  -> correct clock.offset in its log block, which is its stamps minus the first's, or give the
-    recordings of one campaign
+  -> correct clock.offset (its stamps minus the first's), or give the recordings of one campaign
 recorder-clock-misstated refuses
   clock.offset of the recorder {subject} is stated as {offset:.6f} s with a std of {std:.3g} s, and
   its moves are the first recorder's with an offset of {likelier:.6f} s
   ? reversed : the sign is turned
-  -> correct clock.offset in its log block, which is its stamps minus the first's, or state its std
-    as unknown
+  -> correct clock.offset (its stamps minus the first's), or state its std as unknown
 streams-short refuses
   the log is too short to tell a motion
-  -> record at least a few seconds of every stream; check the unit of its time
+  -> record a few seconds of every stream; check the unit of its time
   @ log
 axes-leave-nothing refuses
   the components that the sensors do not measure leave nothing of the balance of forces and moments
-  -> measure more axes: a rigid terminal needs some beyond six that are missing
+  -> measure more axes
 delay-changed refuses
   the delay between forces and positions changes within the log, by {ms:.3g} ± {ms_std:.2g} ms: a
   clock was set anew, or samples are missing in one stream
-  -> calibrate each part alone, and check the recorder's clocks
+  -> calibrate each part alone
   @ log
 dwells-unusable refuses
   no dwell can be used
@@ -276,10 +268,10 @@ points-ungrouped refuses
   -> give both files a column `group`, or rename groups by --groups
 points-at-instrument refuses
   a measured point lies in the origin of the tracker's frame
-  -> export the measured points in the instrument's own frame, not in a work frame
+  -> export the measured points in the instrument's own frame
 registration-few refuses
   {number:.0f} points in {groups} group(s) do not determine a rotation
-  -> measure at least three points that do not lie on one line
+  -> measure three points that do not lie on one line
 registration-unsettled refuses
   the registration found no minimum
 registration-open refuses
@@ -290,10 +282,10 @@ registration-open refuses
 points-mirrored refuses
   the measured points are the mirror image of the reference: no rotation takes one to the other, a
   reflection does
-  -> look for an axis with the wrong sign or a left-handed frame
+  -> look for an axis with the wrong sign
 points-alike-off refuses
   the {what} do not fit their reference points, and any of {subject} may be the one that is off
-  -> measure them again; one or two targets more would tell which one it is
+  -> measure them again, and one or two targets more
 points-certain refuses
   some {what} have an uncertainty of zero in some direction
   -> state a range and an angle uncertainty of the instrument above zero
@@ -313,7 +305,7 @@ groups-apart refuses
 targets-few refuses
   {number:.0f} target(s) of {subject} have both a nominal and a measured position{alone: (~ in one
   of the two files only)|}; three are the least
-  -> measure at least three targets on each sensor, named as in the drawing
+  -> measure three targets on each sensor, named as in the drawing
 moves-none refuses
   no support of the rig has two moves or more
   -> name the groups as the supports: {subject}
