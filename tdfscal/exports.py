@@ -22,13 +22,8 @@ from tdfscal.findings import Finding
 from tdfscal.logs.log_file import signal_of
 from tdfscal.records import ANGLES, BCS_FRAME, LCS_FRAME, FloatArray, sensor_frame
 from tdfscal.reporting.calibration import gain_std
-from tdfscal.reporting.traceability import (
-    digest_told,
-    doubts,
-    exact_names,
-    measured_on,
-    report_digest,
-)
+from tdfscal.reporting.headline import exact_names
+from tdfscal.reporting.traceability import digest_told, doubts, measured_on, report_digest
 from tdfscal.wrench.contact_wrench import unknown_components
 
 _FRAME = re.compile(r"[A-Za-z_][A-Za-z0-9_/-]*")

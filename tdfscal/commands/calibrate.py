@@ -337,14 +337,14 @@ def _with_page(
     from tdfscal.files.outputs import appear_now
     from tdfscal.files.saving import write_text
     from tdfscal.reporting.html import render
-    from tdfscal.reporting.undetermined import Attempt, undetermined_drawings, undetermined_report
+    from tdfscal.reporting.undetermined import Attempt, undetermined_report
 
     log.progress("drawing the report")
     said, where = tuple(map(told, log.messages)), tuple(map(str, paths))
     rig, command = log.campaign.rig, log.settings.command
     when = MeasuredResult.of(measured(log)) if log.inputs else None
     attempt = Attempt(error, rig, tuple(log.inputs), said, where, command, when)
-    write_text(page, render(undetermined_report(attempt, undetermined_drawings(attempt))))
+    write_text(page, render(undetermined_report(attempt)))
     appear_now()
     look = f"{page} shows what is weak and what the log holds"
     return error.restated(hint=". ".join(filter(None, (error.hint, look))))

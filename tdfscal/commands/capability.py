@@ -45,9 +45,10 @@ from tdfscal.findings import Finding, Value, unfit
 from tdfscal.frozen import record, replace
 from tdfscal.model.postures import ZeroAge
 from tdfscal.records import BoolArray, FloatArray
+from tdfscal.reporting.headline import exact_names
 from tdfscal.reporting.layout import Drawing, Report, document, each_named, utc
 from tdfscal.reporting.summaries import UNITS, capability_report
-from tdfscal.reporting.traceability import Making, calibration_fact, exact_names
+from tdfscal.reporting.traceability import Making, calibration_fact
 from tdfscal.validation.in_motion import validate_moving
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.wrench_noise import by_sensor

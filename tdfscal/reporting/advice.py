@@ -20,18 +20,15 @@ from tdfscal.records import ANGLES
 from tdfscal.reporting.headline import (
     SOURCES,
     SPOILT,
+    STATED_BY,
     largest_source,
+    not_whole,
     numbers,
     uncounted,
     within,
-)
-from tdfscal.reporting.traceability import (
-    STATED_BY,
-    certificates,
-    expired,
-    not_whole,
     without_effect,
 )
+from tdfscal.reporting.traceability import certificates, expired
 from tdfscal.selfcal.estimator import HARDER
 from tdfscal.significance import MOST_REJECTED
 

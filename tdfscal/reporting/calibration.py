@@ -29,6 +29,7 @@ from tdfscal.files.calibration.evidence import (
     has_delay,
 )
 from tdfscal.files.calibration.parameters import calibrated
+from tdfscal.files.calibration.parts import RejectedPosture, Stretch
 from tdfscal.files.rig.model import RigFile
 from tdfscal.model import parameters
 from tdfscal.numerics import so3
@@ -37,12 +38,13 @@ from tdfscal.numerics.streams import covered
 from tdfscal.records import ANGLES, BoolArray, FloatArray
 from tdfscal.reporting import layout
 from tdfscal.reporting.advice import advise
-from tdfscal.reporting.figures import clock
+from tdfscal.reporting.figures import origin
 from tdfscal.reporting.headline import (
     draft_lines,
     exact_blocks,
     headline,
     largest_source,
+    parts,
     within,
 )
 from tdfscal.reporting.layout import Block, Drawing, Facts, Report, Row, Section, Table
@@ -50,7 +52,6 @@ from tdfscal.reporting.traceability import (
     campaign,
     campaign_facts,
     measured_on,
-    parts,
     provenance,
     report_digest,
     titled,
@@ -66,20 +67,10 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
     files = [PurePath(entry.path) for entry in c.inputs]
     alike = len({file.name for file in files}) < len(files)  # of several campaigns
     names = ", ".join("/".join(file.parts[-2:]) if alike else file.name for file in files)
-    when, fit, motion, rests = clock(c).stretch, c.fit, c.motion, c.postures
-    lost = fit.rejected if fit else ()
-    rejected = (f"posture {r.index + 1} ({when(r.start, r.end)}): {r.reason}" for r in lost)
-    pieces = (f"{when(s.start, s.end)}: {s.reason}" for s in (rests.left_out if rests else ()))
-    left_out = layout.listed(
-        "Stretches left out", layout.stretches(motion.rejected if motion else ())
-    )
+    residuals = "residual-over-time" if c.motion else "residuals"
     blocks: dict[str, tuple[Block, ...]] = {
         "angles": (_angles(c),),
-        "residual-over-time" if motion else "residuals": (*_residual_wrench(c), *left_out),
-        "timeline": (
-            *layout.listed("Rejected postures", rejected),
-            *layout.listed("Stretches of rest left out", pieces),
-        ),
+        residuals: (*_residual_wrench(c), *layout.listed("Left out", _left_out(c))),
     }
     linear = ", linear method of the paper" if c.estimator == "linear" else ""
     notes = (finding.told for finding in c.findings if finding.severity == "notes")
@@ -112,6 +103,20 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         created=layout.utc(c.created),
         number=(report_digest(c) or "unsealed")[:8],
     )
+
+
+def _left_out(c: Calibration) -> Iterator[str]:
+    """What of the log is not in the fit, and why; a date counts from the first dwell on."""
+    rests, by_row = c.postures, any(one.rows == "postures" for one in c.rig.log or ())
+    lost: list[tuple[str, RejectedPosture | Stretch]] = [
+        *((f"posture {r.index + 1}", r) for r in (c.fit.rejected if c.fit else ())),
+        *(("rest", s) for s in (rests.left_out if rests else ())),
+    ]
+    first = origin(min((*(rests.start if rests else ()), *(s.start for _, s in lost)), default=0.0))
+    yield from layout.stretches(c.motion.rejected if c.motion else ())
+    for name, s in lost:
+        when = f"{s.start - first:.1f} to {s.end - first:.1f} s"
+        yield f"{name} ({f'row {s.start:.0f}' if by_row else when}): {s.reason}"
 
 
 def _turned(c: Calibration) -> list[str]:
@@ -154,9 +159,9 @@ def _angles(c: Calibration) -> Table:
                 place = places(1e3 * std)
                 spread, *ends = (to_place(1e3 * v, place) for v in (std, low, high))
                 interval = " to ".join(ends)
-            source = _dominant(c, 3 * i + j)
-            said = to_place(1e3 * value, place)
-            rows.append((m.name, angle, said, spread, interval, source))
+            source, share = largest_source(c, 3 * i + j)
+            most = f"{source} {share:.0%}" if 0 < share < 1 else ""
+            rows.append((m.name, angle, to_place(1e3 * value, place), spread, interval, most))
     rows += [(name, "undetermined", *[""] * 4) for name in c.undetermined]
     header = ("sensor", "angle", "value", "std. unc.", "95 % interval", "largest source")
     caption = f"Installation angles in the BCS, mrad; {_CONVENTION}"
@@ -164,12 +169,6 @@ def _angles(c: Calibration) -> Table:
         header = (*header[:4], "interval", header[5])
         caption += f"; intervals {coverage(c.accepted)}"
     return Table(caption, header, tuple(rows), left=2)
-
-
-def _dominant(c: Calibration, row: int) -> str:
-    """The largest contribution to an angle's variance and its share."""
-    source, share = largest_source(c, row)
-    return f"{source} {share:.0%}" if 0 < share < 1 else ""
 
 
 def _residual(c: Calibration) -> dict[str, ResidualWrench]:
@@ -267,11 +266,8 @@ def _tiles(c: Calibration) -> Iterator[Row]:
     if c.motion is not None:
         yield "in motion", f"{c.motion.seconds:.0f} s", "of the log in the fit"
     elif c.fit is not None:
-        yield (
-            "postures",
-            f"{c.fit.postures} of {c.fit.postures + len(c.fit.rejected)}",
-            "in the fit",
-        )
+        total = c.fit.postures + len(c.fit.rejected)
+        yield "postures", f"{c.fit.postures} of {total}", "in the fit"
     elif c.tracker is not None:
         yield "points", f"{c.tracker.points}", "of the survey"
     judged, limit = c.fit or c.tracker, measured(c.rig.acceptance.birge_max)

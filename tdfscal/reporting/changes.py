@@ -10,7 +10,7 @@ from tdfscal.catalogue.numbers import measured
 from tdfscal.findings import Finding, Value
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, normal_quantile
 from tdfscal.records import FloatArray
-from tdfscal.reporting.figures import clock_from
+from tdfscal.reporting.figures import origin
 from tdfscal.significance import INTERVAL_COVERAGE
 from tdfscal.validation.causes import Cause
 from tdfscal.validation.in_motion import MovingValidation
@@ -122,7 +122,7 @@ def _gain(cause: Cause) -> dict[str, Value]:
 
 def start(v: Validation, k: int) -> str:
     """Seconds at which a dwell begins; those of a date count from the first dwell."""
-    return f"{v.dwells.start[k] - clock_from(float(v.dwells.start[0])).origin:.1f}"
+    return f"{v.dwells.start[k] - origin(float(v.dwells.start[0])):.1f}"
 
 
 def lengths(wrench: FloatArray) -> FloatArray:

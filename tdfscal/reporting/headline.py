@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import PurePath
 from typing import TypeVar
 
@@ -17,17 +17,11 @@ from tdfscal.estimation.uncertainty import EARLIER
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import ExactQuantityResult, LeftOutStretch
 from tdfscal.files.calibration.parameters import UNCONFIRMED
-from tdfscal.files.calibration.parts import RejectedPosture
+from tdfscal.files.calibration.parts import FindingResult, RejectedPosture
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.numerics.streams import covered
 from tdfscal.records import FloatArray
 from tdfscal.reporting.layout import Block, Facts, Table
-from tdfscal.reporting.traceability import (
-    STATED_BY,
-    exact_name,
-    not_whole,
-    without_effect,
-)
 
 #: Postures, and quantities taken as exact, named at most; the share of the half width from which on
 #: these are.
@@ -68,6 +62,24 @@ SOURCES = {
         "a slower motion, or an inertia, a friction and a delay that are stated,",
     ),
 }
+#: What may be taken as exact, and the key of the rig file that states how well it is known.
+STATED_BY = {
+    "hinge drawing": "uncertainty.hinge",
+    "servo datums": "uncertainty.datum",
+    "gain, crosstalk": "uncertainty.force_sensitivity",
+    "base level": "gravity.tilt_std",
+    "mass": "terminal.mass.std",
+    "barycentre": "terminal.barycenter.std",
+    "zeros": "zero.std",
+    "delay": "log.delay.std",
+    "body against axes": "tracker.misalignment",
+    "target drawing": "tracker.drawing",
+    UNMOVED: "drift.angle",
+    "repeatability of the NCPs": "uncertainty.positioner",
+    "friction of the hinges": "uncertainty.hinge_moment",
+    "compliance": "uncertainty.compliance",
+    "drift of the zeros": "drift.time",
+}
 _Part = TypeVar("_Part", RejectedPosture, LeftOutStretch)
 _CAPTION = "What a typical error of each quantity taken as exact would do to roll/pitch/yaw, mrad"
 
@@ -97,9 +109,11 @@ def _of_the_angles(c: Calibration) -> str:
         said += ", the gain's tolerance included"
     beside = (_not_whole(c), _rests_on(c))
     if lines := draft_lines(c):
+        places = sorted({int(n) for line in lines for n in re.findall(r"\(line (\d+)\)$", line)})
+        where = f" (lines {spans(places)})" if places else ""
         first = (
             f"Do not load these angles yet: they rest on {count(len(lines), 'unconfirmed line')} "
-            f"of the drafted rig file: {_by_key(c, lines)}. If these are right, {said}."
+            f"of the drafted rig file{where}. If these are right, {said}."
         )
         return " ".join(filter(None, (first, _not_counted(c), *beside)))
     sealed = ", if nobody edited this file (it does not tell)" if c.unsealed else ""
@@ -120,21 +134,6 @@ def _not_whole(c: Calibration) -> str:
 def draft_lines(c: Calibration) -> list[str]:
     """Return lines of a draft that are still to be confirmed, each as `key: value (line N)`."""
     return [line for finding in c.found(UNCONFIRMED) for line in finding.subject]
-
-
-def _by_key(c: Calibration, lines: Iterable[str]) -> str:
-    """Lines of a draft by the blocks of the rig file: keys, once for all supports, and numbers."""
-    blocks: dict[str, tuple[dict[str, None], list[int]]] = {}
-    names = "|".join(re.escape(f".{support.name}") for support in c.supports)
-    for line in lines:
-        said, _, number = line.removesuffix(")").rpartition(" (line ")
-        key = re.sub(rf"{names}|\.\d+(?=\.|$)", "", (said or line).split(": ")[0])
-        block, _, leaf = key.partition(".")
-        keys, numbers = blocks.setdefault(block, ({}, []))
-        keys |= {leaf: None} if leaf else {}
-        numbers += [int(number)] if number.isdecimal() else []
-    told = ((": ".join(filter(None, (b, ", ".join(k)))), spans(n)) for b, (k, n) in blocks.items())
-    return "; ".join(f"{what} (line {where})" if where else what for what, where in told)
 
 
 def _not_counted(c: Calibration) -> str:
@@ -212,6 +211,48 @@ def exact_blocks(c: Calibration) -> tuple[Block, ...]:
     return (*effects, Facts(keys)) if keys else ()
 
 
+def exact_names(c: Calibration) -> str:
+    """What has no uncertainty in the rig file, and so none in the result."""
+    names = [exact_name(c, q.name) for q in c.taken_as_exact] + without_effect(c)
+    if c.method != "tracker":
+        names.append("no contact force constant in the BCS, which would pass for zeros or load")
+        names.append("magnitude of gravity, which scales the mass and hardly turns an angle")
+    if any(support.sensitivity is not None for support in c.supports):
+        names.append("symmetry of gain and crosstalk: what is not symmetric counts as rotation")
+    return "; ".join(names) or "nothing"
+
+
+def parts(c: Calibration) -> str:
+    """What a calibration pools: campaigns, or parts of one log."""
+    files = [{file.sha256 for file in one.inputs} for one in c.campaigns]
+    return "parts of the log" if files and set.intersection(*files) else "campaigns"
+
+
+def exact_name(c: Calibration, name: str) -> str:
+    """Words for what a calibration takes as exact."""
+    return {
+        "gain, crosstalk": "gain and crosstalk",
+        "body against axes": "how a sensor's body lies to its axes",
+        UNMOVED: f"no turn between {parts(c)}",
+    }.get(name, name)
+
+
+def without_effect(c: Calibration) -> list[str]:
+    """Return what of this no typical error, and so no effect, is known of."""
+    if c.method == "tracker":
+        return []
+    u, drift, known = c.rig.uncertainty, c.rig.drift, [q.name for q in c.taken_as_exact]
+    known += ["friction of the hinges"] * (c.motion is not None)
+    stated = {
+        UNMOVED: drift.angle or len(c.campaigns) < 2,
+        "repeatability of the NCPs": u.positioner,
+        "friction of the hinges": u.hinge_moment,
+        "compliance": u.compliance.lateral + u.compliance.vertical,
+        "drift of the zeros": drift.time + drift.temperature + drift.walk,
+    }
+    return [name for name, std in stated.items() if not std and name not in known]
+
+
 def _typical_error(of: ExactQuantityResult) -> str:
     """The error of each component, in a unit that reads well."""
     if of.unit in ("relative", "of it"):
@@ -272,3 +313,8 @@ def _limited_by(c: Calibration) -> str:
         return ""
     said = SOURCES.get(name, (name, ""))[0]
     return f"Largest share of the worst angle: {said} ({share:.0%})."
+
+
+def not_whole(c: Calibration) -> tuple[FindingResult, ...]:
+    """What tells that a part of the log is missing: its files, or else recorders that ran apart."""
+    return c.found("log-truncated") or c.found("recorders-overlap-in-part")

@@ -10,7 +10,7 @@ import numpy as np
 
 from tdfscal.catalogue import sentence, told
 from tdfscal.catalogue.numbers import measured, places, quantity, rounded, to_place, when, with_std
-from tdfscal.findings import Finding, rejecting, unfit
+from tdfscal.findings import Finding, unfit
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, coverage_factor
 from tdfscal.records import ANGLES, Rig
 from tdfscal.reporting import layout
@@ -43,8 +43,6 @@ _LOWERS = {
     "filtered": "Filter lower (--filter HZ).",
     "low": "Quieten the sensors (cables, amplifiers): a still lower filter would be late.",
 }
-#: m; what arithmetic alone leaves is less.
-_LEAST = 1e-9
 #: Hz; a filter as low as this delays a machine's stop by a tenth of a second.
 _LOW = 3.0
 
@@ -133,8 +131,9 @@ def capability_report(
     about: tuple[float, float, float], *, timed: bool,
 ) -> Report:  # fmt: skip
     """Lay out thresholds, smallest contacts, what they come from, and what would help."""
-    bad = rejecting(findings)
-    noiseless = tuple(f for f in unfit(findings) if not f.rejects)
+    bad = unfit(findings)
+    # What is too coarse for the rig file's limit is a threshold all the same.
+    none = [f for f in bad if f.code != "contact-unseen"]
     band = "no filter" if request.cutoff is None else f"filter {request.cutoff:g} Hz"
     length = f"{rounded(found.duration, 4)} s" if timed else "postures, as if an hour long"
     sizes = {"threshold": found.threshold, "smallest contact": found.smallest_contact}
@@ -144,29 +143,22 @@ def capability_report(
     blocks: tuple[Block, ...] = (_by_component(columns), *_noise(found, request))
     unstated = any(f.code == "path-inertia-unknown" for f in findings)
     most = (_most(found, request, c, unstated) for c in found.worst)
-    # What is too coarse for the rig file's limit is a threshold all the same.
-    spoilt = any(f.code != "contact-unseen" for f in bad)
-    claim = (
-        f"A machine that stops at these thresholds stops falsely at most {request.false_stops:g} "
-        "times an hour and axis. It then sees the smallest contact below with "
-        f"{rounded(100 * request.detect, 4)} % probability; the shares say what that comes from."
-    )
-    if noiseless:
-        claim = "Of the smallest contact this is what calibration, zeros and load alone make."
     return Report(
         "contact that is seen",
         f"path of {length}; {band}; LCS, moments about {_place(about)}",
-        verdict="NO THRESHOLDS FOR A MACHINE" if spoilt or noiseless else "UNSEEN" * bool(bad),
-        accepted=not (bad or noiseless),
-        claim="" if spoilt else claim,
-        reasons=tuple(map(told, (*bad, *noiseless))),
-        warnings=tuple(told(f) for f in findings if not f.rejects),
-        sections=() if spoilt else (Section("", blocks),),
+        verdict="NO THRESHOLDS FOR A MACHINE" if none else "UNSEEN" if bad else "",
+        accepted=not bad,
+        claim="" if none else f"A machine that stops at these thresholds stops falsely at most "
+        f"{request.false_stops:g} times an hour and axis, and sees the smallest contact below with "
+        f"{rounded(100 * request.detect, 4)} % probability; the shares say what that comes from.",
+        reasons=tuple(map(told, bad)),
+        warnings=tuple(told(f) for f in findings if f not in bad),
+        sections=() if any(f.rejects for f in none) else (Section("", blocks),),
         advice=(
             *certificates(findings),
-            *dict.fromkeys(_LOWERS[source] for source in most if not (spoilt or noiseless)),
+            *dict.fromkeys(_LOWERS[source] for source in most if not none),
         ),
-    )
+    )  # fmt: skip
 
 
 def _most(found: Capability, request: Request, c: int, unstated: bool) -> str:
@@ -334,7 +326,7 @@ def registration_report(r: PointRegistration, of_files: Sequence[Finding]) -> Re
         Facts((fit, ("Scale", scale))),
     )  # fmt: skip
     return Report(
-        title=f"{len(r.names)} points fit within {quantity(max(r.rms, _LEAST), 'm')} (rms)",
+        title=f"{len(r.names)} points fit within {quantity(max(r.rms, 1e-9), 'm')} (rms)",
         reasons=tuple(map(told, r.findings)),
         sections=(Section("Transform", blocks),),
         warnings=tuple(map(told, of_files)),

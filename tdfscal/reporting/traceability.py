@@ -17,10 +17,11 @@ from tdfscal.estimation.exact_quantities import UNMOVED
 from tdfscal.files.calibration.document import Calibration, file_content, overdue, unsealed
 from tdfscal.files.calibration.evidence import ConformityResult
 from tdfscal.files.calibration.parameters import UNCONFIRMED
-from tdfscal.files.calibration.parts import FindingResult, MeasuredResult, instant
+from tdfscal.files.calibration.parts import MeasuredResult, instant
 from tdfscal.findings import Finding
 from tdfscal.frozen import field, record
 from tdfscal.records import InputFile, Rig, SensorInfo
+from tdfscal.reporting.headline import exact_names, parts
 from tdfscal.reporting.layout import METHODS, Facts, Section, document, utc
 from tdfscal.significance import (
     CERTAIN_SHIFT,
@@ -114,68 +115,6 @@ def provenance(c: Calibration) -> Section:
     whole = f"{c.covariance.definition}; the file's covariance block has all {size} × {size} of it"
     facts += [("Convention", c.convention), ("Covariance", whole)]
     return making_of(c).section(*facts, page_only=False)
-
-
-def exact_names(c: Calibration) -> str:
-    """What has no uncertainty in the rig file, and so none in the result."""
-    names = [exact_name(c, q.name) for q in c.taken_as_exact] + without_effect(c)
-    if c.method != "tracker":
-        names.append("no contact force constant in the BCS, which would pass for zeros or load")
-        names.append("magnitude of gravity, which scales the mass and hardly turns an angle")
-    if any(support.sensitivity is not None for support in c.supports):
-        names.append("symmetry of gain and crosstalk: what is not symmetric counts as rotation")
-    return "; ".join(names) or "nothing"
-
-
-#: What may be taken as exact, and the key of the rig file that states how well it is known.
-STATED_BY = {
-    "hinge drawing": "uncertainty.hinge",
-    "servo datums": "uncertainty.datum",
-    "gain, crosstalk": "uncertainty.force_sensitivity",
-    "base level": "gravity.tilt_std",
-    "mass": "terminal.mass.std",
-    "barycentre": "terminal.barycenter.std",
-    "zeros": "zero.std",
-    "delay": "log.delay.std",
-    "body against axes": "tracker.misalignment",
-    "target drawing": "tracker.drawing",
-    UNMOVED: "drift.angle",
-    "repeatability of the NCPs": "uncertainty.positioner",
-    "friction of the hinges": "uncertainty.hinge_moment",
-    "compliance": "uncertainty.compliance",
-    "drift of the zeros": "drift.time",
-}
-
-
-def parts(c: Calibration) -> str:
-    """What a calibration pools: campaigns, or parts of one log."""
-    files = [{file.sha256 for file in one.inputs} for one in c.campaigns]
-    return "parts of the log" if files and set.intersection(*files) else "campaigns"
-
-
-def exact_name(c: Calibration, name: str) -> str:
-    """Words for what a calibration takes as exact."""
-    return {
-        "gain, crosstalk": "gain and crosstalk",
-        "body against axes": "how a sensor's body lies to its axes",
-        UNMOVED: f"no turn between {parts(c)}",
-    }.get(name, name)
-
-
-def without_effect(c: Calibration) -> list[str]:
-    """Return what of this no typical error, and so no effect, is known of."""
-    if c.method == "tracker":
-        return []
-    u, drift, known = c.rig.uncertainty, c.rig.drift, [q.name for q in c.taken_as_exact]
-    known += ["friction of the hinges"] * (c.motion is not None)
-    stated = {
-        UNMOVED: drift.angle or len(c.campaigns) < 2,
-        "repeatability of the NCPs": u.positioner,
-        "friction of the hinges": u.hinge_moment,
-        "compliance": u.compliance.lateral + u.compliance.vertical,
-        "drift of the zeros": drift.time + drift.temperature + drift.walk,
-    }
-    return [name for name, std in stated.items() if not std and name not in known]
 
 
 def report_digest(c: Calibration) -> str | None:
@@ -375,8 +314,3 @@ def certificates(findings: Iterable[Finding]) -> tuple[str, ...]:
     """What next of sensors whose certificate has ended: before all else."""
     ended = {found.subject: found for found in findings if found.code == "sensor-overdue"}
     return tuple(begun(told(found), ".") for found in ended.values())
-
-
-def not_whole(c: Calibration) -> tuple[FindingResult, ...]:
-    """What tells that a part of the log is missing: its files, or else recorders that ran apart."""
-    return c.found("log-truncated") or c.found("recorders-overlap-in-part")

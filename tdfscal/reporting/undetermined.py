@@ -7,17 +7,16 @@ from pathlib import PurePath
 
 from tdfscal.catalogue import cure, sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import rounded
+from tdfscal.catalogue.numbers import measured, rounded
 from tdfscal.catalogue.numbers import when as at
 from tdfscal.errors import NotConvergedError, TdfscalError
 from tdfscal.estimation.judged import Undetermined
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.files.rig.reading import LoadedRig
-from tdfscal.frozen import record, replace
+from tdfscal.frozen import record
 from tdfscal.records import InputFile
 from tdfscal.reporting import layout
-from tdfscal.reporting.figures import Drawing
-from tdfscal.reporting.layout import Facts, Items, Report, Section
+from tdfscal.reporting.layout import Block, Facts, Report, Section, Table
 from tdfscal.reporting.traceability import Making, campaign, day_measured, stated_facts
 
 
@@ -44,20 +43,7 @@ class Attempt:
         return found if isinstance(found, Undetermined) else None
 
 
-def undetermined_drawings(attempt: Attempt) -> tuple[Drawing, ...]:
-    """Return the figure of the turns, determined or not."""
-    from tdfscal.reporting.figures.angles import determined
-
-    if (seen := attempt.seen) is None:
-        return ()
-    turns = determined(seen.observability, seen.rig.acceptance.identifiable)
-    if attempt.error.finding.code == "mountings-alike":
-        which = "Which of two mountings it is, the log leaves undetermined. Within either"
-        turns = replace(turns, reading=f"{which}, {turns.reading}")
-    return (turns,)
-
-
-def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) -> Report:
+def undetermined_report(attempt: Attempt) -> Report:
     """Lay out what is weak, the log and its residuals, and what to do next; no angle is given."""
     error, seen, rig, when = attempt.error, attempt.seen, attempt.rig, attempt.measured
     names = ", ".join(PurePath(entry.path).name for entry in attempt.inputs)
@@ -78,8 +64,7 @@ def undetermined_report(attempt: Attempt, drawings: tuple[Drawing, ...] = ()) ->
         claim="No angle is given, and no calibration file was written.",
         reasons=(f"{error.where}: {error.what}" if error.where else error.what,),
         sections=(
-            *layout.illustrated(drawings, {"determined": _turns(seen)} if seen else {}),
-            *_evidence(seen),
+            *([_turns(seen), *_evidence(seen)] if seen else ()),
             *([campaign(stated_facts(rig.rig, when), rig.rig)] if when else []),
             origin,
         ),
@@ -98,18 +83,27 @@ def _advice(attempt: Attempt) -> Iterator[str]:
     yield from (begun(text, ".") for text in (own, *others) if text)
 
 
-def _turns(seen: Undetermined) -> tuple[Items, ...]:
-    """What each weak turn lacks."""
+def _turns(seen: Undetermined) -> Section:
+    """Every turn with its standard uncertainty; what each weak one lacks."""
+    rows = tuple(
+        (turn.support, turn.angle, _known(turn.std), "yes" if turn.identified else "NO")
+        for turn in seen.observability.angles
+    )
+    header = ("sensor", "turn", "std. uncertainty", "determined")
     causes: dict[str, list[str]] = {}
     for weakness in seen.observability.weak:
         causes.setdefault(sentence(weakness.finding), []).append(weakness.angle.name)
-    return layout.listed("", (f"{', '.join(names)}: {cause}" for cause, names in causes.items()))
+    lacking = (f"{', '.join(names)}: {cause}" for cause, names in causes.items())
+    blocks: tuple[Block, ...] = Table("", header, rows, left=2), *layout.listed("", lacking)
+    return Section("What the data determine", blocks)
 
 
-def _evidence(seen: Undetermined | None) -> Iterator[Section]:
+def _known(std: float) -> str:
+    return f"{measured(1e3 * std)} mrad" if std < 1.0 else "over 1 rad"
+
+
+def _evidence(seen: Undetermined) -> Iterator[Section]:
     """What was used and left out, and how well it fits."""
-    if seen is None:
-        return
     q, moving = seen.quality, isinstance(seen.of, float)
     if isinstance(seen.of, float):
         used = ("Motion", f"{seen.of:.0f} s of the log used")

@@ -17,8 +17,10 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
 from tdfscal.numerics.streams import covered
+from tdfscal.records import FloatArray
 from tdfscal.reporting import layout
 from tdfscal.reporting.changes import Tested, allowed, change, changes, lengths
+from tdfscal.reporting.headline import exact_names
 from tdfscal.reporting.layout import Drawing, Report, Section
 from tdfscal.reporting.traceability import (
     FIXED,
@@ -27,7 +29,6 @@ from tdfscal.reporting.traceability import (
     campaign,
     certificates,
     day_measured,
-    exact_names,
     instruments,
     measured_on,
     report_digest,
@@ -159,8 +160,8 @@ def _own(v: Tested, found: Finding) -> bool:
 def _why(v: Tested, findings: Sequence[Finding]) -> Iterator[str]:
     """The headline: what the check found, what of zeros, and what it would have seen."""
     moving = isinstance(v, MovingValidation)
-    noise = " and the noise of this log" if moving else ""
     left = f"In {_extent(v)} the calibrated sensors leave"
+    noise = " and the noise of this log" * moving
     allow = f"force and moment than the stated uncertainties{noise} allow"
     search, chi2 = _tests(v)
     if v.holds:
@@ -259,27 +260,13 @@ def _of_the_motion(v: MovingValidation) -> dict[str, Any]:
 
 def _residual(v: Tested) -> dict[str, ResidualWrench]:
     if isinstance(v, MovingValidation):
-        before, after = v.residual.before, v.residual.after
-    else:
-        before, after = lengths(v.nominal), lengths(v.calibrated)
-    rms = (np.sqrt(np.mean(size**2, axis=0)) for size in (before, after))
-    each = zip(*rms, before.max(axis=0), after.max(axis=0), strict=True)
-    keys = ("rms_before", "rms_after", "max_before", "max_after")
-    found = (ResidualWrench(**dict(zip(keys, sizes, strict=True))) for sizes in each)
-    return dict(zip(("force", "moment"), found, strict=True))
+        return ResidualWrench.of(v.residual.before, v.residual.after)
+    return ResidualWrench.of(lengths(v.nominal), lengths(v.calibrated))
 
 
-def _expected(v: Validation) -> dict[str, float]:
-    """Root mean square of force, N, and moment, N·m, by the uncertainties; ∞ where unknown."""
-    variance = np.square(v.std).reshape(-1, 2, 3).sum(axis=2)
-    return dict(zip(("force", "moment"), np.sqrt(variance.mean(axis=0)).tolist(), strict=True))
-
-
-def _when_calibrated(origin: Origin) -> dict[str, float] | None:
-    """The same of the motion that was calibrated from; a log's own noise would hide its faults."""
-    if (motion := origin.calibration.motion) is None:
-        return None
-    rms = np.sqrt(np.mean(np.square(motion.residual.after), axis=0))
+def _rms(sizes: FloatArray) -> dict[str, float]:
+    """Root mean square of lengths (K, 2) of force, N, and moment, N·m; ∞ where unknown."""
+    rms = np.sqrt(np.mean(np.square(sizes), axis=0))
     return dict(zip(("force", "moment"), rms.tolist(), strict=True))
 
 
@@ -295,16 +282,16 @@ def validation_report(
         lost = covered(v.rejected)
         tested = ("in motion", f"{v.seconds:.0f} s", f"tested, {lost:.0f} s left out")
         where = "means over a second, about the barycentre"
-        then = _when_calibrated(origin)
+        # A log's own noise would hide its faults.
+        motion = origin.calibration.motion
+        then = None if motion is None else _rms(np.array(motion.residual.after))
         table = layout.residual_table(
             found, f"{where}; then: when calibrated" if then else where, then, "rms then"
         )
-        figure = "residual-over-time"
         left_out = layout.stretches(v.rejected)
     else:
         tested = ("postures", f"{len(v.used)} of {len(v.dwells)}", "in the test")
-        table = layout.residual_table(found, "LCS, about its origin", _expected(v))
-        figure = "validation"
+        table = layout.residual_table(found, "LCS, about its origin", _rms(lengths(v.std)))
         left_out = layout.rejected(v.left_out)
     verdict, advice = _verdict(v)
     if ended := certificates(findings):
@@ -314,6 +301,7 @@ def validation_report(
         subtitle=_about(v, origin),
         verdict=verdict.upper(),
         accepted=v.holds and not v.gate_rejected,
+        provisional=v.outcome == "unproven",
         claim=" ".join(_why(v, findings)),
         reasons=_causes(v),
         tiles=(
@@ -325,7 +313,7 @@ def validation_report(
         ),
         summary=(table,),
         sections=(
-            *layout.illustrated(drawings, {figure: (table,)}),
+            *layout.illustrated(drawings, {"".join(d.name for d in drawings): (table,)}),
             Section("Left out", layout.listed("Left out", left_out)),
             *_papers(v, origin),
         ),
@@ -356,12 +344,11 @@ def _papers(v: Tested, origin: Origin) -> tuple[Section, Section]:
     c, rig = origin.calibration, origin.rig.rig
     fisher = " by Fisher's F" * bool(np.isfinite(v.judged.noise_dof))
     test = layout.chi_squared(v.chi2, v.dof, v.judged.p_value)
-    facts = (*stated_facts(rig, origin.measured), *instruments(c))
+    facts = *stated_facts(rig, origin.measured), *instruments(c)
     return campaign(facts, rig), origin.making.section(
         calibration_fact(origin.name, c),
         ("Rig file", f"{rig.name}, SHA-256 {origin.rig.sha256}"),
         ("χ² test", f"{test}{fisher}, limit {rounded(VALIDATION_CHI2, 3)}"),
         ("Decision rule", _RULE),
         ("Taken as exact", exact_names(c)),
-        ("Convention", c.convention),
     )

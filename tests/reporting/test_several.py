@@ -96,7 +96,7 @@ def test_of_another_rig_nothing_agrees(tmp_path: Path, cli: Cli) -> None:
         assert "R-2 instead of R-1" in said or "R-1 instead of R-2" in said
         assert "COMPATIBLE" not in said
         assert "Keep" not in said
-        assert "Leave the other rig's calibration out" in said
+        assert "where its rig file was only corrected" in said
     content = json.loads(paths[0].read_text())
     bare = tmp_path / "bare.json"
     bare.write_text(json.dumps({k: v for k, v in content.items() if k != "content_sha256"}))

@@ -15,10 +15,10 @@ from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
-from tdfscal.reporting.headline import headline, uncounted
+from tdfscal.reporting.headline import exact_name, headline, uncounted
 from tdfscal.reporting.layout import Facts
 from tdfscal.reporting.text import render
-from tdfscal.reporting.traceability import campaign_facts, exact_name
+from tdfscal.reporting.traceability import campaign_facts
 from tests.reporting.samples import changed, sample
 
 

@@ -7,7 +7,8 @@ from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.calibration.parts import MeasuredResult
 from tdfscal.findings import Finding
 from tdfscal.records import CampaignInfo, InputFile, SensorInfo
-from tdfscal.reporting.traceability import Making, exact_name, report_digest
+from tdfscal.reporting.headline import exact_name
+from tdfscal.reporting.traceability import Making, report_digest
 from tdfscal.reporting.validation import Origin, validation_document
 from tdfscal.validation.residual_wrench import Validation, validate
 from tests.reporting.pages import render_validation

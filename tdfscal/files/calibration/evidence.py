@@ -102,6 +102,17 @@ class ResidualWrench(Strict):
     max_before: kind.NotNegative = key("largest, with the nominal mounting")
     max_after: kind.NotNegative = key("largest, calibrated")
 
+    @classmethod
+    def of(cls, before: FloatArray, after: FloatArray) -> dict[str, Self]:
+        """Of lengths (K, 2) of the residual force, N, and moment, N·m."""
+        found = {}
+        for k, name in enumerate(("force", "moment")):
+            sizes = {"before": before[:, k], "after": after[:, k]}
+            rms = {f"rms_{when}": float(np.sqrt(np.mean(size**2))) for when, size in sizes.items()}
+            largest = {f"max_{when}": float(size.max()) for when, size in sizes.items()}
+            found[name] = cls.model_validate(rms | largest)
+        return found
+
 
 class ValidationResult(Strict):
     """Cross-validation: residual contact wrench of leave-one-out postures."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from tdfscal.catalogue import sentence
 from tdfscal.checks.shared_data import Readings, readings
-from tdfscal.files.calibration.evidence import CampaignResult
+from tdfscal.files.calibration.evidence import CampaignResult, ResidualWrench
 from tdfscal.files.calibration.parameters import finite, zeros_and_load
 from tdfscal.files.field_types import measured_only
 from tdfscal.files.rig.reading import HOUR
@@ -61,13 +61,9 @@ def validation(result: SelfCalibration | MotionCalibration) -> dict[str, Any] | 
     """Residual wrench where postures, or stretches of a motion, were left out, before and after."""
     if (check := result.validation) is None:
         return None
-    said: dict[str, Any] = {"postures": len(check.before), "force": {}, "moment": {}}
-    said["method"] = f"leave one {'stretch of the motion' if result.fit.moving else 'posture'} out"
-    for when, length in (("before", check.before), ("after", check.after)):
-        for k, name in enumerate(("force", "moment")):
-            said[name][f"rms_{when}"] = np.sqrt(np.mean(length[:, k] ** 2))
-            said[name][f"max_{when}"] = length[:, k].max()
-    return said
+    left_out = "stretch of the motion" if result.fit.moving else "posture"
+    said = {"postures": len(check.before), "method": f"leave one {left_out} out"}
+    return said | ResidualWrench.of(check.before, check.after)
 
 
 def budget(

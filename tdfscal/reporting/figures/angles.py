@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 
 from tdfscal.catalogue import sentence
 from tdfscal.catalogue.entry import begun
-from tdfscal.catalogue.numbers import coverage, measured, rounded, two_digits
+from tdfscal.catalogue.numbers import coverage, measured, two_digits
 from tdfscal.comparison.compatibility import Comparison
-from tdfscal.estimation.observability import Observability
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.evidence import Budget
 from tdfscal.numerics import so3
@@ -27,7 +26,6 @@ from tdfscal.reporting.figures.style import (
     beside,
     figure,
     legend_outside,
-    logarithmic,
     signed,
 )
 
@@ -43,8 +41,6 @@ _ON_A_BAR: dict[str, Any] = {
     "fontsize": 7.5,
     "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 0.8, "alpha": 0.85},
 }
-#: rad; a turn no better known than this is not known at all.
-_OPEN = 1.0
 
 
 def by_angle(
@@ -183,37 +179,3 @@ def _paint_budget(c: Calibration, budget: Budget) -> Figure:
     ax.grid(visible=False)
     legend_outside(fig, ax)
     return fig
-
-
-def determined(seen: Observability, limit: float) -> Drawing:
-    """One bar per turn; limit : rad, `acceptance.identifiable`."""
-    known = sum(angle.identified for angle in seen.angles)
-    said = (
-        f"{known} of {len(seen.angles)} turns are determined: their standard uncertainty is below "
-        f"{rounded(1e3 * limit, 3)} mrad, and below half of what was stated before the log."
-    )
-    return Drawing(
-        "determined", "What the data determine", said, lambda: _paint_determined(seen, limit)
-    )
-
-
-def _paint_determined(seen: Observability, limit: float) -> Figure:
-    std = np.array([angle.std for angle in seen.angles])
-    shown = 1e3 * np.clip(np.nan_to_num(std, nan=_OPEN, posinf=_OPEN), 0.0, _OPEN)
-    fig, (ax,), place = by_angle(list(dict.fromkeys(a.support for a in seen.angles)), row=0.21)
-    left = 0.5 * min(float(shown[shown > 0].min(initial=1e3 * limit)), 1e3 * limit)
-    for y, width, angle in zip(place, shown, seen.angles, strict=True):
-        look = {"facecolor": style.BLUE, **style.EDGE} if angle.identified else style.REJECTED
-        ax.barh(y, width - left, left=left, height=0.72, **look)
-        beside(ax, words(angle.std), width, y, 4)
-    ax.axvline(1e3 * limit, color=style.BLACK, linewidth=1.2, linestyle="--")
-    ax.set_title(f"dashed: limit {rounded(1e3 * limit, 3)} mrad", fontsize=7.5, loc="right", pad=2)
-    logarithmic(ax, "x")
-    ax.set_xlim(left, 4e3 * _OPEN)
-    ax.set_xlabel("standard uncertainty, mrad; hatched: not determined")
-    return fig
-
-
-def words(std: float) -> str:
-    """A standard uncertainty in rad, as it is worth saying."""
-    return f"{measured(1e3 * std)} mrad" if std < _OPEN else "over 1 rad"

@@ -1,8 +1,8 @@
-"""Over time: dwells and forces of a log, contact wrenches, thresholds; the chart of a rig."""
+"""Over time: contact wrenches of a log; the chart of a rig."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -18,69 +18,13 @@ from tdfscal.catalogue.entry import begun
 from tdfscal.catalogue.numbers import measured, typeset, with_std
 from tdfscal.comparison.control_chart import Alarm
 from tdfscal.comparison.history import Life
-from tdfscal.files.calibration.document import Calibration
-from tdfscal.files.calibration.evidence import DwellTable, PostureTable
-from tdfscal.files.calibration.parts import RejectedPosture
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import INTERVAL_FACTOR
 from tdfscal.records import ANGLES, FloatArray
-from tdfscal.reporting.figures import clock, date_of, style
-from tdfscal.reporting.figures.style import Drawing, legend_above, legend_outside, panels
+from tdfscal.reporting.figures import date_of, style
+from tdfscal.reporting.figures.style import Drawing, legend_above, panels
 
-#: Labels of panels: of each axis of the sensors, and of the contact wrench.
-_FORCES, _WRENCH = ("Fx, N", "Fy, N", "Fz, N"), ("force, N", "torque, N·m")
-_MARKERS = "osD^vPX*"
 _LINES = ("-", "--", ":")
-#: Of a log whose rows are postures: how wide each is.
-_ROW = 0.9
-
-
-def draw(c: Calibration) -> Drawing | None:
-    """Mean forces of the dwells over the time of the log."""
-    used, dwells, gone = c.postures, c.dwells, c.fit.rejected if c.fit else ()
-    if used is None or not used.index or dwells is None:
-        return None
-    time = clock(c)
-    said = f"{len(used.index)} of {len(used.index) + len(gone)} dwells are in the fit"
-    if time.unit == "s":
-        said += f", {np.sum(used.end) - np.sum(used.start):.0f} s of force readings in all"
-    said += f"; {len(gone) or 'none'} had to be rejected{' (hatched)' * bool(gone)}."
-    paint = partial(_paint, c, used, dwells, gone)
-    of = " of the last campaign" * (len(c.campaigns) > 1)
-    return Drawing("timeline", f"The log and its dwells{of}", said, paint)
-
-
-def _paint(
-    c: Calibration, used: PostureTable, dwells: DwellTable, gone: Sequence[RejectedPosture]
-) -> Figure:
-    """A panel per axis, a line per sensor; rejected dwells are hatched, other rests shaded."""
-    time = clock(c)
-    fig, axes = panels(3.4, _FORCES)
-
-    def span(start: float, end: float) -> tuple[float, float]:
-        shortest = _ROW if time.unit == "row" else 0.0
-        return start - time.origin, start - time.origin + max(end - start, shortest)
-
-    x = [0.5 * sum(span(*pair)) for pair in zip(dwells.start, dwells.end, strict=True)]
-    pixels, force = style.raster(3 * len(x)), np.array(dwells.force)
-    for k, ax in enumerate(axes):
-        for i, support in enumerate(c.rig.supports):
-            if "xyz"[k] in support.axes:
-                look = _MARKERS[i % len(_MARKERS)], style.LINES[i % len(style.LINES)]
-                ax.plot(
-                    x, force[:, i, k], marker=look[0], color=look[1], label=support.name,
-                    linewidth=0.7, markersize=3.2, rasterized=pixels,
-                )  # fmt: skip
-        for piece in used.left_out:
-            ax.axvspan(*span(piece.start, piece.end), color=style.PALE)
-        for r in gone:
-            ax.axvspan(*span(r.start, r.end), linewidth=0.4, **style.REJECTED)
-    for r in gone:
-        place = span(r.start, r.end)[1], axes[0].get_ylim()[1]
-        style.beside(axes[0], f"{r.index + 1}", *place, 2, fontweight="bold")
-    axes[-1].set_xlabel(time.label)
-    legend_outside(fig, *axes)
-    return fig
 
 
 def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing:
@@ -92,7 +36,7 @@ def contact_wrench(columns: Mapping[str, FloatArray], largest: float) -> Drawing
     def paint() -> Figure:
         time = columns["time"] - columns["time"][0]
         look: dict[str, Any] = {"linewidth": 0.9, "rasterized": style.raster(len(time))}
-        fig, axes = panels(4.6, _WRENCH)
+        fig, axes = panels(4.6, ("force, N", "torque, N·m"))
         for ax, letter in zip(axes, "fm", strict=True):
             for axis in "xyz":
                 ax.plot(time, columns[f"raw_{letter}{axis}"], color=style.PALE, **look)
