@@ -32,6 +32,11 @@ samples-dense refuses
   ? span , and is {span:.2g} s long
   -> in the log block of rig.yaml state `time.unit` as the recorder counts, such as s
   @ log.time.unit
+positions-bent warns
+  the distances between the NCPs vary by {number:.1%}, as those of no rigid terminal do
+  ? fits ; with {fits} they do not, and the hinges are drafted by these
+  -> {fits:see in which unit, and by which name, that field is recorded, and write
+    {lines}|check the position fields, their signs and their units: the hinges are drafted wrongly}
 temperature-unreadable refuses
   a temperature field holds no number
   -> name a field in °C, or none

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tdfscal.checks import geometry
+from tdfscal.checks.geometry import CODES
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import replace
 from tdfscal.model.parameters import State, gravity, nominal
-from tdfscal.model.postures import register
+from tdfscal.model.postures import mean_shape, register
 from tdfscal.model.statics import Postures, forces
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Rig
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 #: Share of the size beyond which positions are of another machine, or misnamed.
 _SHAPE = 2e-3
+#: Relative errors of a frame beyond which no linear model tells them.
+_LINEAR = 0.1
 #: Positions and rig file must agree in size within this share.
 _SIZE = 0.02
 #: Forces and weight must agree within this share; the fit judges the rest far more sharply.
@@ -115,9 +118,35 @@ def _misplaced(rig: Rig, position: FloatArray) -> list[Finding]:
     """The hinges or positioners one of which explains the distances, the likeliest first."""
     variance = np.full(len(position), rig.declared.positioner**2)
     found = geometry.examine(rig, position, variance, frames=True)
-    told = found.findings(rig) if found.explained else ()
+    linear = all(np.abs(c.amount).max() < _LINEAR for c in found.causes if not CODES[c.kind][1])
+    told = found.findings(rig) if found.explained and linear else ()
     likeliest = [one.code in _PLACES for one in told[:1]]
     return [one for one in told if one.code in _PLACES] if any(likeliest) else []
+
+
+def bent(
+    supports: tuple[str, ...], position: FloatArray
+) -> tuple[tuple[Finding, ...], Wiring | None]:
+    """Find positions (K, n, 3), m, of no rigid terminal, and the mistake without which they are.
+
+    Asked where nothing is known of the hinges. Postures without finite numbers are left out.
+    """
+    from tdfscal.checks.wiring import bent_positions
+
+    position = position[np.isfinite(position).all(axis=(1, 2))]
+    if len(position) == 0 or (varies := _bend(position)) <= _SHAPE:
+        return (), None
+    best = min(bent_positions(supports), key=lambda way: _bend(way.signals(position)))
+    fits = _bend(best.signals(position)) <= _SHAPE
+    values = {"fits": best.words, **best.written(supports)} if fits else {}
+    found = Finding("positions-bent", size=varies, values=values)
+    return (found,), best if fits else None
+
+
+def _bend(position: FloatArray) -> float:
+    """Rms by which the shape of positions (K, n, 3) varies, relative to its size."""
+    shape, _, spread = mean_shape(position)
+    return spread / float(np.linalg.norm(shape, axis=1).mean())
 
 
 def _farthest(rig: Rig, position: FloatArray) -> dict[str, Value]:

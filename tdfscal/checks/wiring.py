@@ -1,4 +1,4 @@
-"""Ways in which channels are read in each other's place, or with the opposite sign.
+"""Ways in which channels are read in each other's place, with the opposite sign, in another unit.
 
 Supports, axes and single channels exchanged, signs, and for forces two of these at once. What only
 turns a sensor's axes is not among them: that is a mounting. Nor is what only turns the axes of all
@@ -28,13 +28,18 @@ _QUARTERLY: Final = np.cos(np.pi / 8)
 _PLACES: Final = ("X", "Y", "Z")
 _FORCES: Final = ("Fx", "Fy", "Fz")
 _EVERYONE: Final = "every sensor"
+#: Units of positions beside the others', by what brings them to it.
+_UNITS: Final = {1e3: "times 1000, as m among mm", 1e-3: "divided by 1000, as mm among m"}
 #: Words of the wiring in which every sensor records the reaction.
 REACTION: Final = f"the opposite sign of every axis of {_EVERYONE}"
 
 
 @record
 class Wiring:
-    """What each channel is to be read from: source (n, 3), numbered 3 i + a, times sign (n, 3)."""
+    """What each channel is to be read from: source (n, 3), numbered 3 i + a, times sign (n, 3).
+
+    The sign of a channel of another unit is a factor.
+    """
 
     words: str
     source: IntArray
@@ -65,11 +70,11 @@ class Wiring:
         return Wiring(f"{self.words}, and {other.words}", self.source.ravel()[other.source], sign)
 
     def written(self, supports: tuple[str, ...]) -> dict[str, Value]:
-        """Who is read from elsewhere, the channels of each; whose axes have the opposite sign, and
-        the signs of each.
+        """Who is read from elsewhere, the channels of each; whose axes are to be multiplied, and
+        by what each.
         """
         own = np.arange(self.source.size).reshape(-1, 3)
-        moved, turned = (self.source != own).any(axis=1), (self.sign < 0).any(axis=1)
+        moved, turned = (self.source != own).any(axis=1), (self.sign != 1).any(axis=1)
         values: dict[str, Value] = {}
         if moved.any():
             values["moved"] = [supports[k] for k in np.flatnonzero(moved)]
@@ -130,11 +135,23 @@ def frames(n: int) -> Iterator[Wiring]:
 
 
 def rewired_positions(supports: tuple[str, ...]) -> Iterator[Wiring]:
-    """Positioners exchanged; axes of one, or of all, exchanged, or of opposite sign."""
+    """Positioners exchanged; axes of all exchanged, or of opposite sign; `bent_positions`."""
     yield from exchanged_supports(supports)
     yield from frames(len(supports))
+    yield from bent_positions(supports)
+
+
+def bent_positions(supports: tuple[str, ...]) -> Iterator[Wiring]:
+    """What no rigid terminal would look like: axes of one positioner exchanged, of opposite sign or
+    another unit; channels of two exchanged.
+    """
     for name in supports:
         yield from rewired_axes(supports, name, _PLACES)
+        for factor, words in _UNITS.items():
+            for which, axes in (*zip(_PLACES, np.eye(3), strict=True), ("every axis", np.ones(3))):
+                own = np.array([name == support for support in supports])[:, None]
+                sign, same = np.where(own & (axes > 0), factor, 1.0), np.arange(3 * len(supports))
+                yield Wiring(f"{which} of {name} {words}", same.reshape(-1, 3), sign)
     yield from exchanged_channels(supports, np.ones((len(supports), 3), dtype=np.bool_), _PLACES)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
+from tdfscal.catalogue import told
+from tdfscal.checks.log_against_rig import bent
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike, find_logs
 from tdfscal.commands.options import silent
@@ -23,12 +25,15 @@ _GRAVITY = 9.80665
 
 @record(eq=False)
 class InitResult(CommandResult):
-    """A drafted rig file. yaml : its text. description : of the logs. confirm : what to confirm."""
+    """A drafted rig file. yaml : its text. description : of the logs. confirm : what to confirm.
+    doubts : what keeps the positions from being a rigid terminal's.
+    """
 
     yaml: str
     description: LogInfo
     sketch: RigSketch
     confirm: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
@@ -43,7 +48,7 @@ class InitResult(CommandResult):
     @property
     def notes(self) -> tuple[str, ...]:
         """What keeps the logs from being used, or wants a look."""
-        return self.description.problems
+        return (*self.doubts, *self.description.problems)
 
     def document(self) -> dict[str, Any]:
         """Return the text, what to confirm, and the numbers behind it."""
@@ -90,6 +95,8 @@ def init(
             "write the `log:` block by hand: `tdfscal info` lists the fields",
         )
     position, force = _postures(info)
+    wrong, mended = bent(info.guess.supports, position)
+    position = position if mended is None else mended.signals(position)
     sketch = sketch_rig(position, force, _GRAVITY)
     text = draft(
         first.path.absolute().parent.name or "Rig",
@@ -99,7 +106,8 @@ def init(
         info.guess.notes,
     )
     drafted = parse_rig(text.encode(), str(output or "rig.yaml"))
-    return InitResult(text, info, sketch, drafted.unconfirmed)
+    doubts = tuple(told(drafted.written(one)) for one in wrong)
+    return InitResult(text, info, sketch, drafted.unconfirmed, doubts)
 
 
 def _no_draft(info: LogInfo, hint: str | None = None) -> DataError:

@@ -221,6 +221,8 @@ def zeros(state: State, posture: Postures) -> FloatArray:
 
 #: A turn from posture to posture below this leaves the hinges as they were, rad.
 _TURNED = 1e-4
+#: Rounds of registering postures on their mean.
+_ROUNDS = 10
 
 
 def register(hinge: FloatArray, position: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -231,6 +233,23 @@ def register(hinge: FloatArray, position: FloatArray) -> tuple[FloatArray, Float
     r0, p0 = hinge.mean(axis=0), position.mean(axis=-2)
     R = so3.project(np.einsum("kni,nj->kij", position - p0[:, None], hinge - r0))
     return R, p0 - R @ r0
+
+
+def mean_shape(position: FloatArray) -> tuple[FloatArray, int, float]:
+    """Mean shape (n, 3) of positions (K, n, 3), its posture of reference, and its misfit, m.
+
+    Generalised Procrustes: postures are registered on their mean, in turn. The shape is parallel to
+    the posture nearest to the mean, its origin in the hinges' centre.
+    """
+    centred = position - position.mean(axis=1, keepdims=True)
+    reference = int(np.argmin(((centred - centred.mean(axis=0)) ** 2).sum(axis=(1, 2))))
+    shape = centred[reference]
+    for _ in range(_ROUNDS):
+        aligned = centred @ register(shape, centred)[0]
+        shape = aligned.mean(axis=0)
+    spread = float(np.sqrt(((aligned - shape) ** 2).sum(axis=2).mean()))
+    turn, _ = register(shape, centred[None, reference])
+    return shape @ turn[0].T, reference, spread
 
 
 def friction_senses(rotation: FloatArray) -> FloatArray:

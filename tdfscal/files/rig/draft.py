@@ -20,11 +20,10 @@ from tdfscal.files.rig.recorders import LogBlock
 from tdfscal.files.saving import in_utf8, represent_text
 from tdfscal.findings import Finding
 from tdfscal.frozen import record
-from tdfscal.model.postures import register
+from tdfscal.model.postures import mean_shape
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray
 
-_ROUNDS: Final = 10
 _ALONG: Final = 0.8  # cosine; a load further off an axis shows no quarter turn
 _WIDTH: Final = 90
 #: What is said behind the keys of the log block.
@@ -114,7 +113,7 @@ def sketch_rig(position: FloatArray, force: FloatArray, gravity: float) -> RigSk
     if not whole.any():
         raise DataError(Finding("instants-broken"))
     position, force = position[whole], force[whole]
-    hinge, reference, spread = _shape(position)
+    hinge, reference, spread = mean_shape(position)
     rotation, upright = _mounting(force)
     load = np.einsum("nij,knj->kni", rotation, force)
     # Turns about the vertical leave what is upright as it is.
@@ -131,22 +130,6 @@ def sketch_rig(position: FloatArray, force: FloatArray, gravity: float) -> RigSk
         upright,
         int(np.flatnonzero(whole)[reference]),
     )
-
-
-def _shape(position: FloatArray) -> tuple[FloatArray, int, float]:
-    """Mean shape (n, 3) of the hinges, its posture of reference, and its misfit, m.
-
-    Generalised Procrustes: postures are registered on their mean, in turn.
-    """
-    centred = position - position.mean(axis=1, keepdims=True)
-    reference = int(np.argmin(((centred - centred.mean(axis=0)) ** 2).sum(axis=(1, 2))))
-    shape = centred[reference]
-    for _ in range(_ROUNDS):
-        aligned = centred @ register(shape, centred)[0]
-        shape = aligned.mean(axis=0)
-    spread = float(np.sqrt(((aligned - shape) ** 2).sum(axis=2).mean()))
-    turn, _ = register(shape, centred[None, reference])
-    return shape @ turn[0].T, reference, spread
 
 
 def _mounting(force: FloatArray) -> tuple[FloatArray, tuple[bool, ...]]:

@@ -88,7 +88,7 @@ class LoadedRig:
             own = [name] if alike or name in scales else scales
             for one in own:
                 scale = scales.get(one, scales[self.rig.supports[0]])
-                each = ", ".join(f"{s * each:.14g}" for s, each in zip(signs, scale, strict=True))
+                each = ", ".join(map(_plain, np.multiply(signs, scale).tolist()))
                 lines.append(f"`log.supports.{one}.{quantity}_scale: [{each}]`")
         return replace(found, values={**found.values, "lines": lines}) if lines else found
 
@@ -107,6 +107,11 @@ class LoadedRig:
             return f"{fields[0]}.{'xyz'[axis]}"
         place = axis if len(fields) == 3 else int(measured[:axis].sum())
         return str(fields[place]) if measured[axis] else None
+
+
+def _plain(number: float) -> str:
+    """To 14 digits, without an exponent."""
+    return np.format_float_positional(number, 14, unique=True, fractional=False, trim="-")
 
 
 def _threes(found: Finding, names: str, numbers: str) -> list[tuple[Any, ...]]:
