@@ -154,7 +154,7 @@ def test_a_rejected_calibration_passes_no_check(places: Places, cli: Cli, tmp_pa
     assert "STILL VALID" in cli("validate", places.calibration, places.held, ends=0).out
     said = cli("validate", target, places.held, "-q", ends=1).out.splitlines()
     assert said[0].endswith("NOT FIT FOR USE")
-    assert "IS A REJECTED CALIBRATION" in "".join(said[1:3])
+    assert "IS A REJECTED CALIBRATION" in " ".join(said[1:6])
     assert cli.json("validate", target, places.held, ends=1)["holds"]
     used = cli("apply", target, places.held, "-o", tmp_path / "w.csv", ends=0)
     assert "IS A REJECTED CALIBRATION, not fit for use: a test" in used.err
