@@ -28,6 +28,7 @@ __all__ = [
     "Log",
     "NotConvergedError",
     "NotIdentifiableError",
+    "OutputError",
     "RejectedError",
     "RigError",
     "TdfscalError",

@@ -24,6 +24,7 @@ from tdfscal.dwells import find_dwells as find_dwells
 from tdfscal.errors import DataError as DataError
 from tdfscal.errors import NotConvergedError as NotConvergedError
 from tdfscal.errors import NotIdentifiableError as NotIdentifiableError
+from tdfscal.errors import OutputError as OutputError
 from tdfscal.errors import RejectedError as RejectedError
 from tdfscal.errors import RigError as RigError
 from tdfscal.errors import TdfscalError as TdfscalError

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import tdfscal
-from tdfscal.frozen import replace
+from tdfscal.frozen import FrozenInstanceError, replace
 
 SAMPLES = Path(__file__).parents[1] / "sample_data"
 
@@ -51,3 +51,11 @@ def test_what_is_read_twice_is_equal() -> None:
     assert hash(once) == hash(twice)
     moved = replace(once.rig, hinge=once.rig.hinge + 1e-3)
     assert once != replace(twice, rig=moved)
+
+
+def test_a_calibration_is_not_made_or_changed_by_hand(sample: tdfscal.Calibration) -> None:
+    with pytest.raises(tdfscal.UsageError, match="load_calibration"):
+        tdfscal.Calibration(status="accepted")
+    for part, name in ((sample, "status"), (sample.rig, "name"), (sample.supports[0], "name")):
+        with pytest.raises(FrozenInstanceError):
+            setattr(part, name, "x")

@@ -47,12 +47,12 @@ class Option:
 
     help : a clause that begins small and has no full stop. kind : its type on the command line,
     where that is not the annotation's; None there for what only Python has. metavar : what the
-    help shows in its place. names : of the option, where they are not that of the parameter.
-    default : on the command line, where it is another; `...` must be given. least, below : smallest
-    number, and the first that is too large. shell : what the command line takes besides. writes :
-    endings of a file to write, any where there is none. holds : the text of the result that it
-    gets; nothing where the function writes it while it works. dash : `-` sends that to standard
-    output.
+    help shows in its place, a number's unit. names : of the option, where they are not that of the
+    parameter. default : on the command line, where it is another; `...` must be given. least,
+    below : the smallest number, and the first that is too large. shell : what the command line
+    takes besides. writes : endings of a file to write, any where there is none. holds : the text of
+    the result that it gets; nothing where the function writes it while it works. dash : `-` sends
+    that to standard output.
     """
 
     help: str
@@ -112,7 +112,8 @@ class Described(Option):
 
     def check(self, value: Any) -> None:
         """Raise UsageError for none of its words or kinds, or a number out of its bounds."""
-        where, least, below = self.names[0], self.least, self.below
+        where, least = self.names[0], self.least
+        below = min(self.below, _MOST.get(self.metavar or "", inf))
         if self.words and value is not None and value not in self.words:
             raise UsageError(f"{value!r} is none of {', '.join(self.words)}", where=where)
         if self.kind is None:  # only Python has it
@@ -125,6 +126,9 @@ class Described(Option):
         if value is None or not (self.words or {os.PathLike, datetime}.intersection(kinds)):
             taken = tuple(_TAKEN.get(kind, (kind, ""))[0] for kind in kinds)
             unlike = isinstance(value, bool) is not (bool in kinds) or (number and value != value)
+            unlike |= isinstance(value, bytes)
+            if isinstance(value, list | tuple):
+                unlike |= not all(isinstance(each, str | Real) for each in value)
             if value is None or unlike or not isinstance(value, taken):
                 wanted = self.words or [_TAKEN[kind][1] for kind in kinds if kind in _TAKEN]
                 told = " or ".join(dict.fromkeys(wanted)) or "a path"
@@ -136,13 +140,24 @@ class Described(Option):
             raise UsageError(f"{value} is too {what}", where=where, hint=hint)
 
 
+#: First numbers of a unit that are too large for any machine, m too where points are named.
+_MOST = {
+    "N": 1e7,
+    "M": 1e4,
+    "M/S": 100.0,
+    "HZ": 1e6,
+    "PER_HOUR": 1e4,
+    "MRAD": 1e4,
+    "P": 1e6,
+    "A": 1e6,
+}
 #: Kinds of value: what is taken for one, and what it is called.
 _TAKEN: dict[Any, tuple[Any, str]] = {
     float: (Real, "a number"),
     int: (Integral, "a number"),
     bool: (bool, "True or False"),
     str: (str, "text"),
-    Sequence: (Iterable, "a list"),
+    Sequence: (Iterable, "a list of texts or numbers"),
     Mapping: (Mapping, "a mapping"),
 }
 #: A function's parameter that gets the line that asks for it, and that no user sees.
@@ -271,7 +286,7 @@ def numbers(option: str, value: Numbers) -> tuple[float, ...]:
         )
     except (TypeError, ValueError):
         values = ()
-    if not values or not all(map(isfinite, values)):
+    if not values or not all(abs(one) < _MOST["M"] for one in values):
         raise UsageError(
             f"{value!r} is no list of numbers", where=option, hint="write numbers as 0.1,0.1,0.2"
         )

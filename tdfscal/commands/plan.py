@@ -35,6 +35,7 @@ DEFAULT_NOISE = 1.0
 """N per axis and posture, where nothing is recorded yet and the rig file states no force noise."""
 DEFAULT_DENSITY = 0.1
 """N, of a force's mean over a second in motion."""
+DEFAULT_DURATION, DEFAULT_SPEED = 60.0, 0.02
 
 
 @record(eq=False)
@@ -74,7 +75,8 @@ Driven = Annotated[
     options.written("postures, or the time table, to drive", ".csv", metavar="FILE.csv"),
 ]
 Count = Annotated[
-    int | None, Option("postures to drive; default 24, or more for acceptance.contact", least=1)
+    int | None,
+    Option("postures to drive; default 24, or more for acceptance.contact", least=1, below=10_001),
 ]
 Target = Annotated[
     float | None,
@@ -143,8 +145,8 @@ def plan(
     stiffness: Stiffness = None,
     noise: Noise = None,
     motion: Annotated[bool, Option("plan a motion without a stop, not postures")] = False,
-    duration: Duration = 60.0,
-    speed: Speed = 0.02,
+    duration: Duration = DEFAULT_DURATION,
+    speed: Speed = DEFAULT_SPEED,
     progress: options.Telling = silent,
 ) -> PlanResult:
     """Choose the postures and squeezes, or the motion, to drive, and say what to expect of them."""
@@ -154,6 +156,9 @@ def plan(
     if postures is not None and target is not None:
         what = "--postures and --target ask for two different things"
         raise UsageError(what, hint="give one of them")
+    if not motion and (duration, speed) != (DEFAULT_DURATION, DEFAULT_SPEED):
+        what = "--duration and --speed are of a motion"
+        raise UsageError(what, hint="leave them out, or plan one by --motion")
     known, force = rig_file(rig), np.inf if force_limit is None else force_limit
     way = travel_limits(known.rig, travel)
     limits = Limits(float(np.deg2rad(tilt)), squeeze, way, np.zeros(3), force, stiffness)
@@ -184,7 +189,11 @@ def travel_limits(rig: Rig, travel: float | str | Sequence[str | float]) -> Floa
     Raises UsageError for an unknown support or an impossible range.
     """
     each = [travel] if isinstance(travel, str | float | int) else travel
-    entries = {name: value for name, _, value in (str(text).rpartition("=") for text in each)}
+    pairs = [str(text).rpartition("=")[::2] for text in each]
+    entries = dict(pairs)
+    if len(entries) < len(pairs):
+        what, hint = "two ranges are of the same NCPs", "give x, y and z as one text, M,M,M"
+        raise UsageError(what, where="--travel", hint=hint)
     found = np.full((rig.n, 3), np.inf)
     for name, text in sorted(entries.items()):  # of all first
         value = numbers("--travel", text)

@@ -29,7 +29,7 @@ from tdfscal.files.outputs import CALIBRATION, DOCUMENT, kind_by, protect
 from tdfscal.files.saving import write_text
 from tdfscal.files.yaml import as_path
 from tdfscal.findings import rejecting
-from tdfscal.frozen import FrozenInstanceError, record, replace
+from tdfscal.frozen import record, replace
 from tdfscal.records import ANGLES, FloatArray
 from tdfscal.reporting.layout import Drawing, Report
 
@@ -202,6 +202,10 @@ class Calibration(Result, CalibrationFile):
 
     __hash__ = None  # equal by content, which holds lists
 
+    def __init__(self, *_: Any, **__: Any) -> None:
+        what = "a Calibration is made by `calibrate`, or read by `load_calibration`"
+        raise UsageError(what, hint="call one of these")
+
     @classmethod
     def of(cls, file: CalibrationFile) -> Self:
         """Take over the content of a checked calibration file."""
@@ -251,11 +255,6 @@ class Calibration(Result, CalibrationFile):
         """The file as YAML."""
         return dump_calibration(self, "yaml")
 
-    def __setattr__(self, name: str, value: object) -> None:
-        if not name.startswith("_"):
-            raise FrozenInstanceError(f"cannot assign to field {name!r}")
-        super().__setattr__(name, value)
-
     def __dir__(self) -> list[str]:
         return [name for name in super().__dir__() if not hasattr(BaseModel, name)]
 
@@ -263,8 +262,8 @@ class Calibration(Result, CalibrationFile):
 def load_calibration(path: str | PathLike[str]) -> Calibration:
     """Read and check a calibration file, JSON where its suffix is .json, else YAML.
 
-    Raises DataError for what is no calibration file, is of a newer format or contradicts itself,
-    UsageError where it cannot be read.
+    Raises UsageError where it cannot be read or is no calibration file, DataError for one that is
+    of a newer format, is not whole or contradicts itself.
     """
     return read_source(path)[1]
 

@@ -64,13 +64,15 @@ def simulate(
     ] = None,
     scenario: Annotated[str, Option(_SCENARIOS, metavar="NAME")] = "self",
     format: Annotated[LogFormat, Option("format of the log")] = "csv",
-    postures: Annotated[int, Option("number of postures", least=1)] = 24,
-    tilt: Annotated[float, Option("largest tilt, degrees")] = 5.0,
-    squeeze: Annotated[float, Option("commanded internal forces, N")] = SQUEEZE,
+    postures: Annotated[int, Option("number of postures", least=1, below=10_001)] = 24,
+    tilt: Annotated[float, Option("largest tilt, degrees", least=0, below=46)] = 5.0,
+    squeeze: Annotated[
+        float, Option("commanded internal forces, N", metavar="N", least=0)
+    ] = SQUEEZE,
     rate: Annotated[
         float, Option("samples per second of all signals", least=10.0, below=20_001.0)
     ] = 100.0,
-    months: Annotated[int, Option("campaigns of the scenario months", least=1)] = 12,
+    months: Annotated[int, Option("campaigns of the scenario months", least=1, below=1201)] = 12,
     seed: Annotated[
         int, Option("seed of all random numbers: one seed, one rig in all scenarios", least=0)
     ] = 0,

@@ -27,6 +27,7 @@ from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
 from tdfscal.files.yaml import nearest, shorten
+from tdfscal.frozen import FrozenInstanceError
 from tdfscal.records import BoolArray, FloatArray, UncertainValue
 
 UNKNOWN = "unknown"
@@ -54,6 +55,14 @@ class Strict(BaseModel):
             if name not in cls.model_fields:
                 raise unknown_key(str(name), list(cls.model_fields))
         return given
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not name.startswith("_"):
+            raise FrozenInstanceError(f"cannot assign to field {name!r}")
+        super().__setattr__(name, value)
+
+    def __delattr__(self, name: str) -> None:
+        raise FrozenInstanceError(f"cannot delete field {name!r}")
 
     def __hash__(self) -> int:
         """By what is stated, since a mapping among its values has no hash."""

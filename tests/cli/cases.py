@@ -145,6 +145,13 @@ MISTAKES = [
     Case("capability own.yaml campaign --at 1,2", 2, "--at"),
     Case("plan campaign -o out/kept.csv --home 1,2", 2, "0,0,0"),
     Case("plan campaign -o plan.csv --travel far", 2, "0.1,0.1,0.2"),
+    Case("plan campaign -o plan.csv --travel 0.1 --travel 0.2", 2, "two ranges"),
+    Case("plan campaign -o plan.csv --speed 0.1", 2, "--motion"),
+    Case("plan campaign -o plan.csv --squeeze 1e40", 2, "too large"),
+    Case("plan campaign -o plan.csv --noise 1e308", 2, "too large"),
+    Case("plan campaign -o plan.csv --home 1e300,0,0", 2, "0.1,0.1,0.2"),
+    Case("capability own.yaml campaign --false-stops 1e308", 2, "too large"),
+    Case("simulate new --postures 1000000000", 2, "too large"),
     Case("simulate new --scenario zero-shft", 2, "the nearest one is 'zero-shift'"),
     Case("-x", 2, "--help"),
 ]

@@ -136,10 +136,10 @@ def test_a_calibration_serves_as_its_file(sample: tdfscal.Calibration, tmp_path:
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_what_is_of_no_kind_that_an_option_takes_is_refused(command: str) -> None:
-    """None where it says nothing, and a class, which no option takes."""
+    """None where it says nothing, a class, bytes and a list of these, which no option takes."""
     for option in app.described(command).parameters:
         kinds = get_args(option.python)
         if {os.PathLike[str], datetime}.isdisjoint(kinds):  # these are read before they are refused
-            for given in {None, object} - ({None} if NoneType in kinds else set()):
+            for given in (object, b"x", [None], *([] if NoneType in kinds else [None])):
                 with pytest.raises(tdfscal.UsageError, match=r"expected|is none of"):
                     option.check(given)
