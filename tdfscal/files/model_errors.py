@@ -85,7 +85,8 @@ def _told(content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
         return place[:-1], f"has {place[-1]} entries, too few", "add what is missing"
     if kind == "missing":
         return place[:-1], f"lacks `{place[-1]}`", _MISSING.get(place[-1], f"add `{place[-1]}`")
-    what = _PHRASES.get(kind) or str(fault["msg"]).replace("Input should", "must", 1)
+    what = _PHRASES.get(kind, fault["msg"].replace("Input should", "must", 1))
+    what = what.format(**context) if kind == "too_short" else what
     if kind != "tdfscal":
         what = f"{what[0].lower()}{what[1:]}, got {shorten(repr(fault['input']))}"
     # A value that stands for a mapping (`mass: 500`) has no such place in the file.
@@ -98,6 +99,7 @@ _MISSING: dict[str | int, str] = {
 _PHRASES = {
     "string_pattern_mismatch": "has a character that is not allowed here",
     "string_too_short": "is empty",
+    "too_short": "must have {min_length} entries or more",
     "float_type": "must be a number",
     "string_type": "must be text",
     "model_type": "must be a mapping of keys and values",

@@ -221,5 +221,5 @@ def test_missing_rig_file_is_a_usage_error(tmp_path: Path) -> None:
 def test_fewer_than_three_supports(count: int) -> None:
     head, _, rest = MINIMAL.partition("supports:\n")
     kept = "".join(rest.splitlines(keepends=True)[:count])
-    with pytest.raises(RigError, match=r"supports: must be a list of three or more"):
+    with pytest.raises(RigError, match=r"supports: must have 3 entries or more"):
         parse(f"{head}supports:{'' if count else ' []'}\n{kept}")

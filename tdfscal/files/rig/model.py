@@ -6,7 +6,7 @@ from itertools import combinations
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, field_validator, model_validator
 from typing_extensions import TypeAliasType
 
 from tdfscal.files import field_types as kind
@@ -229,13 +229,6 @@ def _each_its_own(what: str, values: Sequence[str | None], *place: str) -> None:
             raise fault(said, "supports", index, *place, hint="give it another")
 
 
-def _three_or_more(given: Any) -> Any:
-    if not isinstance(given, (list, tuple)) or len(given) < 3:
-        got = len(given) if isinstance(given, (list, tuple)) else f"{given!r:.40}"
-        raise fault(f"must be a list of three or more supports, got {got}", hint="list each NCP")
-    return given
-
-
 class RigFile(Strict):
     """What is known of the rig (`rig.yaml`), SI units."""
 
@@ -245,11 +238,9 @@ class RigFile(Strict):
     campaign: Campaign | None = key("when, where and by whom the log was recorded", None)
     gravity: Gravity = block("m/s² along −Z of the BCS, and how level that is", Gravity)
     terminal: Terminal = key("the terminal with all it carries")
-    supports: Annotated[
-        tuple[Support, ...],
-        BeforeValidator(_three_or_more),
-        Field(json_schema_extra={"minItems": 3}),
-    ] = key("list of three or more, one NCP with its TDFS each")
+    supports: tuple[Support, ...] = key(
+        "list of three or more, one NCP with its TDFS each", min_length=3
+    )
     uncertainty: Uncertainty = block(
         "standard uncertainties that the log's own scatter cannot show", Uncertainty
     )
