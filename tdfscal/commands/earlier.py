@@ -16,13 +16,12 @@ from tdfscal.files.calibration.compared import campaigns_of, files_of, readings_
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.document import dump_calibration
 from tdfscal.files.calibration.evidence import CampaignResult
-from tdfscal.files.calibration.parameters import calibrated, exact_moves
+from tdfscal.files.calibration.parameters import exact_moves, unscaled
 from tdfscal.files.calibration.parts import HistoryEntry
 from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
-from tdfscal.model.calibrated import with_rotations
 from tdfscal.numerics import so3
-from tdfscal.records import BoolArray, FloatArray, Measured
+from tdfscal.records import FloatArray, Measured
 
 
 @record(kw_only=True)
@@ -59,10 +58,7 @@ def read_earlier(source: CalibrationSource) -> Earlier:
     Raises DataError, UsageError where it is none, or cannot be read.
     """
     name, file = read_source(source)
-    known = calibrated(file)
-    covariance = known.covariance
-    if file.parameters is not None and file.parameters.unscaled is not None:
-        covariance = _unscaled(covariance, file.determined, np.array(file.parameters.unscaled))
+    known = unscaled(file)
     fits, measured = campaigns_of(file), file.measured.record()
     in_memory = isinstance(source, CalibrationFile) or str(source) == "-"
     content = dump_calibration(file, "yaml").encode() if in_memory else Path(name).read_bytes()
@@ -70,9 +66,9 @@ def read_earlier(source: CalibrationSource) -> Earlier:
         name=name,
         month=measured.month,
         rig=known.rig,
-        estimate=replace(known, covariance=covariance),
+        estimate=known,
         exact=exact_moves(file),
-        contributions=_contributions(file, known.state.rotation, covariance),
+        contributions=_contributions(file, known.state.rotation, known.covariance),
         determined=file.determined,
         chi2=sum(fit.chi2 for fit in fits),
         dof=sum(fit.dof for fit in fits),
@@ -94,16 +90,6 @@ def _contributions(
     variance = so3.rpy_variance(rotation, covariance[:turns, :turns])
     each = np.moveaxis(shares, 2, 0) * variance
     return dict(zip(file.budget.sources, each, strict=True))
-
-
-def _unscaled(covariance: FloatArray, determined: BoolArray, own: FloatArray) -> FloatArray:
-    """Covariance (P, P) with that of the determined sensors' turns replaced by their own."""
-    stand = np.zeros(len(covariance), dtype=np.bool_)
-    stand[: 3 * len(determined)] = np.repeat(determined, 3)
-    order = np.argsort(~stand, kind="stable")  # with_rotations replaces the first block
-    back = np.argsort(order)
-    moved = with_rotations(covariance[np.ix_(order, order)], int(stand.sum()), own)
-    return np.asarray(moved[np.ix_(back, back)])
 
 
 def on_one_another(known: Sequence[Earlier]) -> list[Earlier]:

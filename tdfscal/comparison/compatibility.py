@@ -13,6 +13,8 @@ from scipy import special
 from tdfscal.errors import DataError
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
+from tdfscal.model.calibrated import Calibrated
+from tdfscal.model.parameters import constants, nominal, prior_std, vector
 from tdfscal.numerics import so3
 from tdfscal.numerics.distributions import chi2_quantile
 from tdfscal.numerics.information import Contrast, gain, inverse, p_value
@@ -122,13 +124,30 @@ class Nested:
     walk: float = 0.0
 
 
-def compare_pair(
-    a: tuple[str, Rotations], b: tuple[str, Rotations], nested: Nested | None = None
-) -> Comparison:
-    """A minus B. Two calibrations that share a weighing or a drawing agree better than independent
-    ones would, and the test sees less of a real difference then.
+def stated_alike(a: Calibrated, b: Calibrated) -> FloatArray:
+    """Covariance (3n, 3n) of the turns of two estimates by what both take from one statement.
 
-    nested : where one has all recordings of the other; otherwise they share none.
+    A gain's tolerance, a drawing, a weighing: each estimate moves with the error by C Σ⁻¹, with C
+    its covariance and Σ the statement's. Zeros count as tared in between.
+    """
+    (std, stated), (std_b, stated_b) = ((prior_std(x.rig), vector(nominal(x.rig))) for x in (a, b))
+    alike = (
+        constants(a.rig.n) & (std == std_b) & (stated == stated_b) & np.isfinite(std) & (std > 0)
+    )
+    turns = slice(3 * a.rig.n)
+    return np.asarray((a.covariance[turns, alike] / std[alike] ** 2) @ b.covariance[alike, turns])
+
+
+def compare_pair(
+    a: tuple[str, Rotations],
+    b: tuple[str, Rotations],
+    nested: Nested | None = None,
+    common: FloatArray | float = 0.0,
+) -> Comparison:
+    """A minus B.
+
+    nested : where one has all recordings of the other; otherwise they share none, but errors whose
+    covariance common (3n, 3n) is, as `stated_alike` says.
 
     Raises DataError where the supports differ or a covariance is not positive definite.
     """
@@ -140,9 +159,12 @@ def compare_pair(
     if nested is None:
         # Both know every turn: the one may be as sure as a reference that counts as exact.
         covariance = first.covariance + second.covariance
+        less = np.zeros_like(covariance) + common + np.transpose(common)
+        covariance = covariance - less
         known = seen = inverse(covariance)
         # Each by its own angles, which matters where they are far apart.
-        std = np.hypot(rpy_std(first), rpy_std(second))
+        own = rpy_std(first) ** 2 + rpy_std(second) ** 2
+        std = np.sqrt(own - so3.rpy_variance(first.rotation, less))
     else:
         whole, part = (first, second) if nested.whole == 0 else (second, first)
         walked = part.covariance + nested.walk * np.eye(len(part.covariance))

@@ -5,13 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tdfscal.comparison.compatibility import stated_alike
 from tdfscal.comparison.members import Recorded
 from tdfscal.comparison.pooling import pool
-from tdfscal.records import FloatArray, Rig
-from tdfscal.simulation import reference_rig
+from tdfscal.estimation.uncertainty import estimate
+from tdfscal.model.parameters import nominal
+from tdfscal.numerics import so3
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
+from tdfscal.selfcal.estimator import fit
+from tdfscal.simulation import make_rig, reference_rig
 from tests.comparison.histories import alarms, history
-
-MASS = 9  # place of the mass among the constants: after nine turns, no gains
 
 
 def weighed(rig: Rig, mass: float) -> Rig:
@@ -27,15 +30,25 @@ def campaigns(months: int, heavier: FloatArray | None = None) -> tuple[Rig, list
     return rig, found
 
 
-def test_one_weighing_is_one_realisation_in_all_campaigns() -> None:
-    rig, found = campaigns(6)
-    pooled = pool(found)
-    std = np.sqrt(np.diagonal(pooled.posterior(5).covariance))
-    assert pooled.common.size == len(std) == 9 + 4 + 9
-    alone = pool(found[:2]).posterior(1).covariance[MASS, MASS] ** 0.5
-    assert std[MASS] < alone < rig.mass.std
-    states = [m.state for m in pooled.members]
-    assert len({float(s.mass) for s in states if s is not None}) == 1
+def test_two_calibrations_move_alike_with_what_both_take_from_one_weighing() -> None:
+    """The covariance of their turns is the product of what a heavier terminal does to each."""
+    exact = UncertainValue(np.array([0.0, 0.0, 0.25]), np.zeros(3))
+    quiet = DeclaredUncertainty(positioner=1e-5, force_noise=0.05)
+    rig = replace(make_rig(zero_std=0.5, declared=quiet), barycentre=exact)
+    found, _ = history(rig, np.random.default_rng(5), months=2, postures_each=10)
+    known, moves = [], []
+    for item in found:
+        assert item.postures is not None
+        both = (rig, weighed(rig, 501.0))
+        own, heavier = (fit(each, item.postures, nominal(each)) for each in both)
+        back = np.swapaxes(own.state.rotation, 1, 2)
+        moves.append(so3.log(heavier.state.rotation @ back).ravel())
+        stated = estimate(own)
+        linear = (stated.parts.root @ stated.parts.root.T)[:9, :9]
+        known.append(stated.calibrated_at(linear))
+    expected = rig.mass.std**2 * np.outer(*moves)
+    together = stated_alike(*known)
+    np.testing.assert_allclose(together, expected, atol=0.02 * np.abs(expected).max())
 
 
 def test_a_load_stated_otherwise_is_each_its_own() -> None:

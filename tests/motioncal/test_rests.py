@@ -14,13 +14,6 @@ from tests.motioncal.campaigns import DELAY, played, true_state
 STOPS = replace(MovingOptions.stops(), rate=100.0, stiffness=(2e8, 2e8, 2e8), duration=76.0)
 
 
-def test_the_stops_of_a_log_are_its_rests() -> None:
-    _, slow, cut = played(STOPS, 7)
-    rows = rests_of(slow, cut)[0]
-    assert len(rows) == 8
-    assert all(5.5 < (run.stop - run.start) * slow.step < 7.0 for run in rows)
-
-
 @pytest.mark.parametrize("way_off", ["place", "force"])
 def test_what_is_off_at_a_rest_is_an_unknown_of_its_own(way_off: str) -> None:
     """One NCP stands 20 µm off at one posture, or its sensor reads 0.2 N more: the unknowns of that

@@ -12,10 +12,16 @@ import numpy as np
 from tdfscal.catalogue import rigs_apart
 from tdfscal.checks.calibrated_rig import different_constants, other_papers, other_rig
 from tdfscal.checks.shared_data import Readings, Recorded, relation
-from tdfscal.comparison.compatibility import Comparison, Nested, compare_pair, in_order_of
+from tdfscal.comparison.compatibility import (
+    Comparison,
+    Nested,
+    compare_pair,
+    in_order_of,
+    stated_alike,
+)
 from tdfscal.files.calibration.document import Calibration, overdue, unsealed
 from tdfscal.files.calibration.evidence import CampaignResult
-from tdfscal.files.calibration.parameters import UNCONFIRMED
+from tdfscal.files.calibration.parameters import UNCONFIRMED, unscaled
 from tdfscal.files.calibration.parts import instant
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Rig, Rotations
@@ -66,7 +72,9 @@ def _by_recordings(
         common = relation(*(readings_of(c, order.supports) for c in (A, B)))
     if common in ("first", "second"):
         return _nested(first, second, 1 if common == "first" else 0, given)
-    pair = compare_pair(given[0], given[1])
+    known = [unscaled(c) for c in (A, B)]
+    alike = all(one.rig.supports == order.supports for one in known)
+    pair = compare_pair(given[0], given[1], common=stated_alike(*known) if alike else 0.0)
     if common == "apart":
         return pair, ()
     code = "compared-same-data" if common == "same" else "compared-overlapping"

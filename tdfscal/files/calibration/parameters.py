@@ -192,6 +192,21 @@ def calibrated(c: Calibration) -> Calibrated:
     )
 
 
+def unscaled(c: Calibration) -> Calibrated:
+    """Return them before any scaling by a Birge ratio."""
+    from tdfscal.model.calibrated import with_rotations
+
+    known = calibrated(c)
+    if c.parameters is None or c.parameters.unscaled is None:
+        return known
+    stand = np.zeros(len(known.covariance), dtype=np.bool_)
+    stand[: 3 * len(c.determined)] = np.repeat(c.determined, 3)
+    order = np.argsort(~stand, kind="stable")  # with_rotations replaces the first block
+    back, own = np.argsort(order), np.array(c.parameters.unscaled)
+    moved = with_rotations(known.covariance[np.ix_(order, order)], int(stand.sum()), own)
+    return replace(known, covariance=moved[np.ix_(back, back)])
+
+
 def places(block: Parameters, supports: tuple[str, ...]) -> IntArray:
     """Where the block's parameters are among all; raises the model's fault."""
     order, place = parameter_order(supports), parameter_rows(block.parameters, supports)
