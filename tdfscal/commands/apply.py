@@ -30,7 +30,7 @@ from tdfscal.frozen import record
 from tdfscal.model.samples_in_motion import Samples, Standstill
 from tdfscal.records import LCS_FRAME, FloatArray
 from tdfscal.reporting.layout import Drawing, Report, document, plain
-from tdfscal.reporting.summaries import wrench_report
+from tdfscal.reporting.wrench import wrench_report
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, filter_for, filtered
 from tdfscal.wrench.wrench_noise import LogHead, SampleNoise, StopWrenches, with_sample_noise
@@ -228,7 +228,9 @@ class Totals:
         stops = None
         if 0 < self.still_rows < self.rows:
             rms = _by_component(np.sqrt(self.squares[-1] / self.still_rows))
-            stops = {"rows": self.still_rows, "rms": rms}
+            stops = {"rows": self.still_rows, "rms": rms, "mean_std": None}
+            if len(known := self.stops.means(noise)[2]):
+                stops["mean_std"] = _by_component(np.sqrt(np.mean(known**2, axis=0)))
         return {
             "rows": self.rows,
             "quasi_static": log.given.rig.inertia is None,

@@ -1,4 +1,4 @@
-"""Results that a table and some sentences tell: contact wrench, capability, plan, registration."""
+"""Results that a table and some sentences tell: capability, plan, registration."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tdfscal.catalogue import sentence, told
-from tdfscal.catalogue.numbers import measured, places, quantity, rounded, to_place, when, with_std
+from tdfscal.catalogue.numbers import measured, places, quantity, rounded, to_place, with_std
 from tdfscal.findings import Finding, unfit
 from tdfscal.numerics.distributions import INTERVAL_FACTOR, coverage_factor
 from tdfscal.records import ANGLES, Rig
@@ -28,9 +28,8 @@ if TYPE_CHECKING:  # each command loads its own
 
 #: Units of the components.
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")
-#: Share of the noise left, from which on a filter is said to do nothing; share of the variance from
-#: which on noise is explained.
-_IDLE, _MOSTLY = 0.95, 0.5
+#: Share of the variance from which on noise is explained.
+_MOSTLY = 0.5
 #: What lowers the smallest contact, by what most of it comes from.
 _LOWERS = {
     "zeros": "Tare each sensor before the run, or set the wrench to zero there.",
@@ -47,83 +46,22 @@ _LOWERS = {
 _LOW = 3.0
 
 
-def _by_component(columns: Mapping[str, Sequence[str]]) -> Table:
+def by_component(columns: Mapping[str, Sequence[str]]) -> Table:
     """Rows fx … mz with their units, and a column of text each."""
     rows = zip(COMPONENTS, UNITS, *columns.values(), strict=True)
     return Table("", ("", "", *columns), tuple(rows), left=2)
 
 
-def _place(point: Sequence[float]) -> str:
+def place_of(point: Sequence[float]) -> str:
+    """Return a point of the LCS that moments are about."""
     return f"({', '.join(f'{x:g}' for x in point)}) m" if any(point) else "its origin"
 
 
-def _number(value: float | None, form: str = "", unknown: str = "unknown") -> str:
+def number(value: float | None, form: str = "", unknown: str = "unknown") -> str:
+    """Return a number, or what stands for one that is not known."""
     if value is None or not np.isfinite(value):
         return unknown
     return format(value, form) if form else measured(value, 3)
-
-
-def wrench_report(summary: dict[str, Any], findings: Sequence[Finding] = ()) -> Report:
-    """Lay out the size of the wrench over all samples, with and without the calibration."""
-    stops = summary["stops"]
-    columns = {"rms": summary["rms"], "at stops": stops and stops["rms"],
-               "uncalibrated": summary["rms_uncalibrated"], "std. unc.": summary["std"],
-               "of it calibration": summary["std_calibration"]}  # fmt: skip
-    given = {name: of for name, of in columns.items() if of is not None}
-    shown = {name: [_number(of[each]) for each in COMPONENTS] for name, of in given.items()}
-    way = "without inertia" if summary["quasi_static"] else "with inertia"
-    about = _place(summary["about"])
-    return Report(
-        f"Contact wrench of {summary['rows']} samples",
-        f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {about}",
-        claim=_filter(summary["filter"]),
-        sections=(Section("", (_by_component(shown), " ".join(_said(summary)))),),
-        warnings=tuple(map(told, findings)),
-        advice=certificates(findings),
-    )
-
-
-def _said(summary: dict[str, Any]) -> Iterator[str]:
-    """How large the wrench is, what part is motion, how its noise is known, the zeros' age."""
-    largest = summary["largest"]
-    force, torque = (
-        f"{measured(largest[name], 3)} {unit} at {when(largest[f'{name}_time'])}"
-        for name, unit in (("force", "N"), ("torque", "N·m"))
-    )
-    yield f"The largest force is {force}, the largest torque {torque}."
-    if summary["stops"] is not None:
-        share = summary["stops"]["rows"] / summary["rows"]
-        yield (
-            f"{share:.0%} of the samples lie at stops (hinges below 0.2 mm/s); where nothing "
-            "touches, what is larger between the stops comes from the motion."
-        )
-    noise = summary["noise"] or {"dwells": 0, "windows": 0}
-    known = "is as declared, for the log shows none"
-    if noise["windows"]:
-        known = f"was measured in {noise['windows']} short windows; slower noise is not in it"
-    if noise["dwells"]:
-        known = f"was measured in {noise['dwells']} static dwells of the log"
-    yield f"The noise of a sample {known}."
-    moved, age = summary["zeros"]["moved"], summary["zeros"]["age"]
-    if moved != 0.0:
-        size = "by an unknown amount" if moved is None else f"by {measured(moved)} N (std)"
-        since = "are of unknown age (taken as if the log followed the calibration's at once)"
-        if summary["zeros"]["age_known"]:
-            order = "older" if age >= 0 else "younger"
-            since = f"are {measured(abs(age) / 86400)} days {order} than the log"
-        yield f"The calibration's zeros {since} and may have moved {size} by its end."
-
-
-def _filter(f: dict[str, Any] | None) -> str:
-    if f is None:
-        return ""
-    left = f["noise_left"]
-    if left is None:
-        return f"filter {f['kind']}: the sensors show no noise, and nothing is taken off"
-    late = f"{measured(1e3 * f['delay'], 3)} ms late" if f["delay"] else "without delay"
-    stays = f": noise as slow as a force that walks by {f['walk']:g} N in 1 s stays"
-    said = f"leaves {100 * left:.0f} % of the sensors' noise of {measured(f['noise'], 3)} N"
-    return f"filter {f['kind']}: {late}; {said}{stays if left >= _IDLE else ''}"
 
 
 def capability_report(
@@ -137,15 +75,15 @@ def capability_report(
     band = "no filter" if request.cutoff is None else f"filter {request.cutoff:g} Hz"
     length = f"{rounded(found.duration, 4)} s" if timed else "postures, as if an hour long"
     sizes = {"threshold": found.threshold, "smallest contact": found.smallest_contact}
-    columns = {name: [_number(v) for v in of] for name, of in sizes.items()}
+    columns = {name: [number(v) for v in of] for name, of in sizes.items()}
     for name, share in found.shares.items():
-        columns[name] = ["< 1 %" if 0.0 < v < 0.01 else _number(v, ".0%", "–") for v in share]
-    blocks: tuple[Block, ...] = (_by_component(columns), *_noise(found, request))
+        columns[name] = ["< 1 %" if 0.0 < v < 0.01 else number(v, ".0%", "–") for v in share]
+    blocks: tuple[Block, ...] = (by_component(columns), *_noise(found, request))
     unstated = any(f.code == "path-inertia-unknown" for f in findings)
     most = (_most(found, request, c, unstated) for c in found.worst)
     return Report(
         "contact that is seen",
-        f"path of {length}; {band}; LCS, moments about {_place(about)}",
+        f"path of {length}; {band}; LCS, moments about {place_of(about)}",
         verdict="NO THRESHOLDS FOR A MACHINE" if none else "UNSEEN" if bad else "",
         accepted=not bad,
         claim="" if none else f"A machine that stops at these thresholds stops falsely at most "
@@ -189,7 +127,7 @@ def plan_report(plan: Plan | MovingPlan, findings: Sequence[Finding]) -> Report:
     from tdfscal.planning.motion import MovingPlan
 
     rows = tuple(
-        (name, *(_number(1e3 * INTERVAL_FACTOR * v, ".3f", "–") for v in row))
+        (name, *(number(1e3 * INTERVAL_FACTOR * v, ".3f", "–") for v in row))
         for name, row in zip(plan.rig.supports, plan.expected.rpy_std, strict=True)
     )
     caption = "Half of the 95 % interval to expect of the installation angles, mrad"

@@ -205,19 +205,29 @@ class StopWrenches:
         rows = np.column_stack([np.ones_like(time), *each])[rests]
         self._sums += [np.column_stack(_by_stop(since[rests], rows))] if len(rows) else []
 
+    def means(self, noise: SampleNoise) -> FloatArray:
+        """Mean wrench of K stops, uncalibrated too, and its standard uncertainty: (3, K, 6).
+
+        No average takes away what the calibration leaves open, what the rig file declares of a
+        posture, and slow noise.
+        """
+        if not self._sums:
+            return np.zeros((3, 0, 6))
+        stop, *sums = np.concatenate(self._sums).T
+        count, total = np.split(_by_stop(stop, np.array(sums).T)[1], [1], axis=1)
+        value, raw, variance = np.split(total / count, 3, axis=1)
+        own = np.maximum(noise.slow_std**2, noise.std**2 / count)  # of a brief stop more
+        return np.array([value, raw, np.sqrt(variance - noise.std**2 + own)])
+
     def beyond(self, noise: SampleNoise) -> Finding | None:
         """Name the components that are beyond chance at half of the stops and more.
 
         At most of these there is no contact, as a rule; the error of a calibration is common to
         all, so that each stop is asked at the level of the whole log.
         """
-        if not self._sums:
+        value, raw, std = self.means(noise)
+        if not len(value):
             return None
-        stop, *sums = np.concatenate(self._sums).T
-        count, total = np.split(_by_stop(stop, np.array(sums).T)[1], [1], axis=1)
-        value, raw, variance = np.split(total / count, 3, axis=1)
-        slow, fast = noise.slow_std**2, noise.std**2 - noise.slow_std**2
-        std = np.sqrt(variance - noise.std**2 + slow + fast / count)
         ratio = np.median(np.abs(value) / std, axis=0)
         far = ratio > normal_quantile(1.0 - CONTACT_ON_PATH / (2 * len(ratio)))
         if not far.any():
@@ -227,7 +237,7 @@ class StopWrenches:
         values: dict[str, Value] = {
             "axis": COMPONENTS[worst],
             "expected": stated,
-            "stops": len(count),
+            "stops": str(len(value)) if len(value) > 1 else "",
         }
         values["bare"] = bare if bare < size else None
         axes = tuple(name for name, there in zip(COMPONENTS, far, strict=True) if there)

@@ -114,6 +114,11 @@ def test_a_wrench_at_most_stops_is_told_and_a_touch_at_some_is_not(
     ):  # fmt: skip
         stops.add(found, still(piece))
     assert (stops.beyond(noises[0]) is not None) == told
+    if not (turn or touched):
+        mean, _, std = stops.means(noises[0])
+        assert mean.shape == (POSTURES, 6)
+        # White noise alone has a third of this: the rest is what each posture has by itself.
+        assert np.mean((mean / std) ** 2) == pytest.approx(1.0, abs=0.3)
 
 
 def test_moments_about_a_point_are_those_about_the_origin_carried_over() -> None:
