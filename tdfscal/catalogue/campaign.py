@@ -224,6 +224,11 @@ stretch-touched warns
 draft-unconfirmed warns
   the result rests on {number:.0f} lines of the rig file to be confirmed: {subject}
   -> confirm these lines, and take the mark behind them out
+fields-crossed warns
+  by the names of their fields {subject} have the positions of one and the forces of another; where
+  the hinges come from a log, no number tells which of the two is exchanged, and the other way round
+  the angles are those of other sensors
+  -> trace the cables of {subject}, and correct them, or the recorder's names
 terminal-turned warns
   the terminal stands turned by {degrees:.0f}°{axis: about ~ of the BCS|} in {always:every
   posture|most postures}{upright:; all fits as well, upright, with positions and forces of ~|}

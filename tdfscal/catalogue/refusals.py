@@ -116,8 +116,11 @@ instants-broken refuses
 forces-exchanged refuses
   the forces fit with {exchange}, and not as they are named; without it the residuals fall from
   {before:.2g} to {after:.2g} times what is stated
-  -> correct the force fields of the log block in rig.yaml, or the cabling{lines:: write
-    ~|}{check:; where a sensor was mounted anew, calibrate again|}
+  -> {others:trace the cables: where the hinges of rig.yaml come from a log, as those of a draft, it
+    may as well be the positions that are exchanged, and no number tells which. Of the forces,
+    |}correct the force fields of the log block in rig.yaml, or the cabling{lines:: write
+    ~|}{others:; of the positions, write ~, and exchange the hinges of {moved} likewise|}{check:;
+    where a sensor was mounted anew, calibrate again|}
   @ log forces
 force-rescaled refuses
   {axis:F~|every axis} of {subject} reads {number:.3g} times what the other sensors ask of it{unit:,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -22,7 +22,14 @@ from tdfscal.commands.campaign import (
     misdated,
     resolve,
 )
-from tdfscal.commands.log_pass import LogPass, Settings, delay_of, where_few, with_delay
+from tdfscal.commands.log_pass import (
+    LogPass,
+    Settings,
+    delay_of,
+    drafted,
+    where_few,
+    with_delay,
+)
 from tdfscal.commands.options import Option, silent, window
 from tdfscal.commands.result import Calibration
 from tdfscal.dwells.find import no_dwell
@@ -31,7 +38,6 @@ from tdfscal.estimation.observability import ENOUGH
 from tdfscal.files.calibration.document import CALIBRATION_SUFFIXES
 from tdfscal.files.calibration.from_results import Provenance, from_self
 from tdfscal.files.calibration.parts import MeasuredResult, Method
-from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding
 from tdfscal.motioncal.preparation import with_moves
 from tdfscal.motioncal.streams import Slow
@@ -154,12 +160,6 @@ def _calibrated(
     if own is None:
         notes += log.messages
     return _with_survey(log.rig, own, tracker, origin_of(log), [*notes, *remarks])
-
-
-def drafted(rigs: Iterable[LoadedRig]) -> list[Finding]:
-    """Find what rig files still mark to be confirmed, each line once."""
-    lines = tuple(dict.fromkeys(line for rig in rigs for line in rig.unconfirmed))
-    return [Finding("draft-unconfirmed", lines, len(lines))] if lines else []
 
 
 _AT_REST = (

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from itertools import combinations
+from itertools import chain, combinations
 from typing import TypeVar
 
 import numpy as np
@@ -31,6 +31,7 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.logs import TimeWindow, iter_log
+from tdfscal.logs.mapping_guess import crossed
 from tdfscal.model.dynamics import DELAY, RATE, Moving
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, RecorderClock, Rig, UncertainValue
@@ -251,6 +252,14 @@ def where_few(
                 return None
             few = f"{len(dwells)} static dwells are too few: {enough} are the least"
         raise error.restated(what=f"{error.what} ({few}, so the motion was used)") from error
+
+
+def drafted(rigs: Iterable[LoadedRig]) -> list[Finding]:
+    """Find what rig files still mark to be confirmed, each line once, and whose names cross."""
+    each = [(rig.unconfirmed, crossed(rig.rig.supports, rig.log)) for rig in rigs]
+    lines, across = (tuple(dict.fromkeys(chain(*found))) for found in zip(*each, strict=True))
+    found = [Finding("draft-unconfirmed", lines, len(lines))] if lines else []
+    return [*found, Finding("fields-crossed", across)] if across else found
 
 
 def delay_of(rig: LoadedRig) -> UncertainValue:

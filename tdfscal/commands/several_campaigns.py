@@ -13,10 +13,10 @@ import numpy as np
 
 from tdfscal.catalogue import cure, sentence, severity
 from tdfscal.catalogue.campaign import SUSPECTS
-from tdfscal.commands.calibrate import Own, calibrate_few, drafted, origin_of
+from tdfscal.commands.calibrate import Own, calibrate_few, origin_of
 from tdfscal.commands.campaign import PathLike, day
 from tdfscal.commands.earlier import Earlier
-from tdfscal.commands.log_pass import Settings
+from tdfscal.commands.log_pass import Settings, drafted
 from tdfscal.commands.recordings import (
     Read,
     Recording,

@@ -78,9 +78,9 @@ def calibration_report(c: Calibration, drawings: tuple[Drawing, ...] = ()) -> Re
         title=titled(c),
         subtitle=f"{layout.METHODS[c.method]}{linear} of {len(c.supports)} sensors from {names}"
         + measured_on(c),
-        verdict="; ".join((c.status.upper(), *(["UNSEALED"] if c.unsealed else []), *_turned(c))),
+        verdict="; ".join((c.status.upper(), *(["UNSEALED"] if c.unsealed else []), *_alarms(c))),
         accepted=c.accepted,
-        provisional=c.status == "provisional" or c.unsealed or bool(_turned(c)),
+        provisional=c.status == "provisional" or c.unsealed or bool(_alarms(c)),
         claim=headline(c) if c.accepted else "",
         reasons=tuple(_reasons(c)),
         tiles=tuple(_tiles(c)),
@@ -119,10 +119,12 @@ def _left_out(c: Calibration) -> Iterator[str]:
         yield f"{name} ({f'row {s.start:.0f}' if by_row else when}): {s.reason}"
 
 
-def _turned(c: Calibration) -> list[str]:
-    """Sensors that stand far from where the rig file has them: said with the verdict."""
-    found = c.found("sensor-turned") if c.accepted else ()
-    return [f"{f.subject[0]} TURNED BY {np.degrees(f.size or 0.0):.0f}°" for f in found]
+def _alarms(c: Calibration) -> list[str]:
+    """Sensors far from where the rig file has them, or perhaps others': said with the verdict."""
+    turned, others = (c.found(code) for code in ("sensor-turned", "fields-crossed"))
+    said = [f"{f.subject[0]} TURNED BY {np.degrees(f.size or 0.0):.0f}°" for f in turned]
+    said += [f"PERHAPS {' AND '.join(f.subject)} EXCHANGED" for f in others]
+    return said * c.accepted
 
 
 def _reasons(c: Calibration) -> Iterator[str]:

@@ -263,6 +263,8 @@ def misread(
     if mistake.wiring is not None:
         values |= {"exchange": mistake.wiring.words, **mistake.wiring.written(rig.supports)}
         values["check"] = check and mistake.wiring.mounting
+        # Hinges that lie as the positions have them are exchanged with these.
+        values["either"] = mistake.wiring.whole and not check
         return DataError(Finding("forces-exchanged", values=values))
     subject = (rig.supports[mistake.support],)
     if rests is None or found.jump is None:

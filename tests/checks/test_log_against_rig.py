@@ -26,10 +26,12 @@ from tdfscal.checks.log_against_rig import (
 from tdfscal.checks.wiring import (
     bent_positions,
     exchanged_channels,
+    exchanged_supports,
     rewired_forces,
     rewired_positions,
     rewired_sensors,
 )
+from tdfscal.commands.log_pass import drafted
 from tdfscal.errors import DataError
 from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.files.rig.recorders import LogBlock
@@ -355,3 +357,33 @@ def test_what_is_told_to_write_makes_of_readings_what_the_wiring_makes_of_them(
         scale = [loaded.log[0].scale(quantity, name)[0] for name in names]
         made = [read(LogBlock(**pasted), name) for name in names]
         np.testing.assert_allclose(made, wiring.signals(value) * scale, rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", list(permutations(range(3)))[1:])
+def test_sensors_exchanged_are_told_as_positions_too_and_warned_of_once_written(
+    order: tuple[int, ...],
+) -> None:
+    """Both pair the same readings; afterwards the names of the fields say that one is."""
+    (way,) = (
+        each
+        for each in exchanged_supports(RIG.supports, "the sensors")
+        if (each.source[:, 0] // 3).tolist() == list(order)
+    )
+    fields = {n: {"position": f"NCP{i}", "force": f"F{i}"} for i, n in enumerate(RIG.supports)}
+
+    def loaded(supports: dict[str, Any]) -> LoadedRig:
+        return LoadedRig(RIG, (LogBlock(supports=supports),), None, Path("rig.yaml"), "", {})
+
+    values = {**way.written(RIG.supports), "either": True}
+    told = loaded(fields).written(Finding("forces-exchanged", values=values)).values
+    pairs = []
+    for key in ("lines", "others"):
+        pasted = copy.deepcopy(fields)
+        for name, what, _, text in _LINE.findall(" ".join(cast(list[str], told[key]))):
+            pasted[name][what] = yaml.safe_load(text)[0].partition(".")[0]
+        pairs.append({(own["position"], own["force"]) for own in pasted.values()})
+        moved = [n for i, n in enumerate(RIG.supports) if order[i] != i]
+        (found,) = drafted([loaded(pasted)])
+        assert found.subject == tuple(moved)
+    assert pairs[0] == pairs[1]
+    assert not drafted([loaded(fields)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -77,8 +77,7 @@ class LoadedRig:
         whole, lines = bool(found.values.get("whole")), list[str]()
         for name, *sources in _threes(found, "moved", "sources"):
             for what in ("position", "force") if whole else (quantity,):
-                if None not in (named := [self._channel(what, int(at)) for at in sources]):
-                    lines.append(f"`log.supports.{name}.{what}: [{', '.join(map(str, named))}]`")
+                lines += filter(None, [self._line(name, what, map(int, sources))])
         scales = {
             name: self._recorder(name, quantity).scale(quantity, name)[0]
             for name in (self.rig.supports if found.values.get("turned") else ())
@@ -90,7 +89,18 @@ class LoadedRig:
                 scale = scales.get(one, scales[self.rig.supports[0]])
                 each = ", ".join(map(_plain, np.multiply(signs, scale).tolist()))
                 lines.append(f"`log.supports.{one}.{quantity}_scale: [{each}]`")
+        if found.values.get("either"):  # who reads whose force has the position that it read
+            order = {str(name): int(at) // 3 for name, at, *_ in _threes(found, "moved", "sources")}
+            names = {self.rig.supports[j]: 3 * self.rig.supports.index(i) for i, j in order.items()}
+            others = [self._line(name, "position", range(at, at + 3)) for name, at in names.items()]
+            found = replace(found, values={**found.values, "others": [*filter(None, others)]})
         return replace(found, values={**found.values, "lines": lines}) if lines else found
+
+    def _line(self, support: str, quantity: str, channels: Iterable[int]) -> str | None:
+        """That a support's fields are those of channels; None where one has no field of its own."""
+        fields = [self._channel(quantity, at) for at in channels]
+        named = ", ".join(filter(None, fields))
+        return None if None in fields else f"`log.supports.{support}.{quantity}: [{named}]`"
 
     def _recorder(self, support: str, quantity: str) -> LogBlock:
         """Who records a support's position or force."""
