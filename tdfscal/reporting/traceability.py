@@ -294,8 +294,9 @@ def _next_due(c: Calibration) -> str:
 
 
 def warnings(c: Calibration) -> tuple[str, ...]:
-    """What to know before the result is used; the lines of a draft stand by themselves."""
-    found = (f.told for f in c.findings if f.severity == "warns" and f.code != UNCONFIRMED)
+    """What to know before the result is used, beside what its first paragraph says."""
+    said = (UNCONFIRMED, "sensor-turned") if c.accepted else (UNCONFIRMED,)
+    found = (f.told for f in c.findings if f.severity == "warns" and f.code not in said)
     return (*doubts(c), *found)
 
 

@@ -220,10 +220,8 @@ def _sure(v: Tested) -> str:
     if np.isfinite(zero := v.zeros.detectable).all():
         said += f" A zero that moved alone shows as surely from {measured(zero.max())} N on."
     if v.blind:
-        said += (
-            f" The angles have to hold to ± {measured(1e3 * v.limit)} mrad, which is less: a "
-            "harmful turn could go unseen."
-        )
+        limit = measured(1e3 * v.limit)
+        said += f" The angles have to hold to ± {limit} mrad: a harmful turn could go unseen."
     return said
 
 
@@ -248,11 +246,11 @@ def _of_the_postures(v: Validation) -> dict[str, Any]:
 
 
 def _of_the_motion(v: MovingValidation) -> dict[str, Any]:
-    left_out = [
+    both: dict[str, Any] = {"time": v.residual.time}
+    both["rejected"] = [
         {"begin": s.begin, "end": s.end, "code": s.reason.code, "reason": sentence(s.reason)}
         for s in v.rejected
     ]
-    both: dict[str, Any] = {"rejected": left_out, "time": v.residual.time}
     for k, name in enumerate(("force", "moment")):
         both[name] = {"before": v.residual.before[:, k], "after": v.residual.after[:, k]}
     return {"motion": layout.document(v, "begin seconds", **both)}
@@ -271,10 +269,7 @@ def _rms(sizes: FloatArray) -> dict[str, float]:
 
 
 def validation_report(
-    v: Tested,
-    findings: Sequence[Finding],
-    origin: Origin,
-    drawings: tuple[Drawing, ...] = (),
+    v: Tested, findings: Sequence[Finding], origin: Origin, drawings: tuple[Drawing, ...] = ()
 ) -> Report:
     """Lay out a verdict; drawings are those of a page."""
     found = _residual(v)
