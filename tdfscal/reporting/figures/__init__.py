@@ -37,9 +37,8 @@ def drawings(calibration: Calibration) -> tuple[Drawing, ...]:
     """Return every figure for which the file holds the data, in the order of reading."""
     # matplotlib is slow to import, as is all that reads a calibration: not before it is drawn.
     from tdfscal.reporting.figures import angles, residuals
-    from tdfscal.reporting.headline import parts
 
-    last = f" of the last of the {parts(calibration)}" * (len(calibration.campaigns) > 1)
+    last = " recorded last" * (len(calibration.campaigns) > 1)
     found = (
         angles.draw(calibration),
         residuals.at_postures(calibration.postures, last),
