@@ -168,21 +168,6 @@ def _size(std: float) -> dict[str, Value]:
     return {"unknown": std >= 1, "mrad": 1e3 * std}
 
 
-def load_directions(state: State, postures: Postures) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Axis (n, 3) of the loads in the BCS, their spread (n,) in rad about it, and the quadratic
-    mean (n,) of the load across it, N.
-
-    A load and its opposite have one axis. NCPs only translate, so a sensor's frame and the BCS
-    see the same angles.
-    """
-    F = np.swapaxes(forces(state, postures.force), 0, 1)  # (n, K, 3)
-    axis = np.linalg.eigh(np.swapaxes(F, 1, 2) @ F)[1][:, :, 2]
-    along = (F @ axis[..., None])[..., 0]
-    across = np.linalg.norm(F - along[..., None] * axis[:, None], axis=2)
-    across, along = (np.sqrt(np.mean(part**2, axis=1)) for part in (across, along))
-    return axis, np.arctan2(across, along), across
-
-
 def verdict(
     rig: Rig, state: State, postures: Postures, covariance: FloatArray, *, moving: bool = False
 ) -> Observability:
@@ -202,7 +187,14 @@ def verdict(
         for i, name in enumerate(rig.supports)
         for j in range(3)
     )
-    axis, spread, across = load_directions(state, postures)
+    # Axis (n, 3) of the loads in the BCS, which an opposite load has too, their spread (n,), rad,
+    # about it, and the load across it, N. NCPs only translate: a sensor sees the same angles.
+    F = np.swapaxes(forces(state, postures.force), 0, 1)  # (n, K, 3)
+    axis = np.linalg.eigh(np.swapaxes(F, 1, 2) @ F)[1][:, :, 2]
+    along = (F @ axis[..., None])[..., 0]
+    across = np.linalg.norm(F - along[..., None] * axis[:, None], axis=2)
+    across, along = (np.sqrt(np.mean(part**2, axis=1)) for part in (across, along))
+    spread = np.arctan2(across, along)
     weak, count = [], 0 if moving else len(postures)
     for k, angle in enumerate(angles):
         if angle.identified:

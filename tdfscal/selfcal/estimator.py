@@ -126,6 +126,11 @@ class Fit(Fitted):
         )
 
     @property
+    def misfit(self) -> float:
+        """Variance of the residuals by their median, in units of the stated one; never below 1."""
+        return spread(self.distance, self.at.rows)
+
+    @property
     def dof(self) -> int:
         """Degrees of freedom of `cost`, all free parameters taken as determined."""
         return self.rows + len(self.prior_residual) - int(self.jacobian.shape[-1])
@@ -195,14 +200,9 @@ class Problem:
     compressed: FloatArray
     priors: Priors
 
-    @property
-    def rig(self) -> Rig:
-        """The rig."""
-        return self.priors.rig
-
     def features(self, state: State) -> tuple[FloatArray, FloatArray]:
         """ψ (q,) at a state, and its derivative (q, P)."""
-        g = self.rig.gravity
+        g = self.priors.rig.gravity
         return features(state, self.at, g), features_jacobian(state, self.at, g)
 
     def solved(

@@ -53,10 +53,13 @@ def linear_data(rig: Rig, postures: Postures) -> LinearData:
     )
 
 
-def moment_rows(data: LinearData) -> tuple[FloatArray, FloatArray]:
-    """Rows of Σ_i (r̂_i Rᵀ ⊗ f_iᵀ) vec X_i = −r̂_m Rᵀ G, vec by rows (Eq. 21–24 corrected).
+def linear_rotations(data: LinearData, weight: FloatArray | None = None) -> FloatArray:
+    """Rotations (..., n, 3, 3) by the paper's method (theory, section 3).
 
-    Returns (..., 3K, 9n) and (..., 3K), moments about the LCS origin.
+    Σ_i (r̂_i Rᵀ ⊗ f_iᵀ) vec X_i = −r̂_m Rᵀ G, vec by rows (Eq. 21–24 corrected), moments about the
+    LCS origin: least squares for 9n unknowns, each block projected on SO(3). Needs 9 postures for
+    three sensors; biased by noise in the readings, and ill-conditioned. weight : (K,), 0 for a
+    posture that is left out.
     """
     Rt = np.swapaxes(data.pose, -1, -2)
     lever = so3.hat(data.hinge)[..., None, :, :, :] @ Rt[..., None, :, :]  # r̂_i Rᵀ
@@ -64,17 +67,7 @@ def moment_rows(data: LinearData) -> tuple[FloatArray, FloatArray]:
     down = Rt @ data.weight[..., None, :, None]  # Rᵀ G
     right = -(so3.hat(data.barycentre)[..., None, :, :] @ down)[..., 0] - data.moment
     batch, (K, n) = rows.shape[:-5], data.load.shape[-3:-1]
-    return rows.reshape(*batch, 3 * K, 9 * n), right.reshape(*batch, 3 * K)
-
-
-def linear_rotations(data: LinearData, weight: FloatArray | None = None) -> FloatArray:
-    """Rotations (..., n, 3, 3) by the paper's method (theory, section 3).
-
-    Moment equations only, least squares for 9n unknowns, each block projected on SO(3). Needs 9
-    postures for three sensors; biased by noise in the readings, and ill-conditioned. weight : (K,),
-    0 for a posture that is left out.
-    """
-    rows, right = moment_rows(data)
+    rows, right = rows.reshape(*batch, 3 * K, 9 * n), right.reshape(*batch, 3 * K)
     if weight is not None:
         used = np.repeat(weight > 0, 3)
         rows, right = rows[..., used, :], right[..., used]

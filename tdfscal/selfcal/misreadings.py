@@ -30,7 +30,7 @@ from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_fits import descend, stacked
 from tdfscal.records import FloatArray, IntArray, Rig
 from tdfscal.selfcal.changes import find_change
-from tdfscal.selfcal.estimator import Fit, fit, spread
+from tdfscal.selfcal.estimator import Fit, fit
 from tdfscal.selfcal.mounting_search import apart, linear_in_rotations, robust_cost, turns_from
 from tdfscal.significance import BETTER, CAUSES_APART, MOST_POSTURES
 
@@ -103,11 +103,6 @@ class Misreading:
     tared: bool = False
 
     @property
-    def misfit(self) -> float:
-        """Variance of the residuals in units of the stated one."""
-        return spread(self.fit.distance, self.fit.at.rows)
-
-    @property
     def exact(self) -> bool:
         """Whether no number was fitted to it: an exchange, a sign, a unit."""
         unit = any(log_against_rig.unit_of(self.mistake.factor))
@@ -162,13 +157,13 @@ def misreading(
     """
     order = np.arange(len(observed)) if rests is None else np.argsort(rests.time, kind="stable")
     some = np.unique(np.linspace(0, len(order) - 1, MOST_POSTURES).round().astype(np.int64))
-    seen, misfit = observed.subset(order[some]), spread(present.distance, present.at.rows)
+    seen, misfit = observed.subset(order[some]), present.misfit
     if misfit < BETTER:
         return None
     starts = np.stack([nominal(rig).rotation, present.state.rotation])
     likely = _lowest(rig, seen, starts, timed=rests is not None)
     tried = [_fitted(rig, seen, mistake, near, order[some]) for mistake, near in likely]
-    better = [m for m in tried if BETTER * m.misfit < misfit and m.misfit < BETTER]
+    better = [m for m in tried if BETTER * m.fit.misfit < misfit and m.fit.misfit < BETTER]
     if not better:
         return None
     found = _likeliest(better)
@@ -184,7 +179,7 @@ def _likeliest(found: list[Misreading]) -> Misreading:
 
     A mirrored axis and two that are exchanged differ by a quarter turn alone.
     """
-    scale = min(mistake.misfit for mistake in found)
+    scale = min(mistake.fit.misfit for mistake in found)
     cost = [robust_cost(mistake.fit, scale) for mistake in found]
     near = [m for m, own in zip(found, cost, strict=True) if own < min(cost) + CAUSES_APART]
     start = nominal(found[0].fit.rig).rotation

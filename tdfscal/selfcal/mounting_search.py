@@ -25,7 +25,7 @@ from tdfscal.numerics.distributions import chi2_sf, normal_quantile
 from tdfscal.numerics.least_squares import spectrum
 from tdfscal.numerics.rotation_fits import descend
 from tdfscal.records import BoolArray, FloatArray, Rig
-from tdfscal.selfcal.estimator import LOOK, ROWS, Fit, Problem, at_state, fit, spread, statistic
+from tdfscal.selfcal.estimator import LOOK, ROWS, Fit, Problem, at_state, fit, statistic
 from tdfscal.significance import AMBIGUOUS_MOUNTING
 
 
@@ -77,7 +77,7 @@ def profile(
     stands for gain and crosstalk, whose columns belong to one rotation.
     """
     n, compressed, priors = state.n, of.compressed, of.priors
-    linear, slope = linear_in_rotations(state, of.at, of.rig.gravity), of.features(state)[1]
+    linear, slope = linear_in_rotations(state, of.at, of.priors.rig.gravity), of.features(state)[1]
     jacobian, other = slope[:, priors.active], np.flatnonzero(priors.active) >= 3 * n
     residual, rows = priors(state)
     below = rows[:, ~other] @ turns_from(state)
@@ -165,7 +165,7 @@ def best_start(rig: Rig, postures: Postures) -> Fit:
 
 def _likeliest(tried: list[Fit]) -> Fit:
     """The one with the lowest robust cost, all in units of the smallest variance of residuals."""
-    scale = min(spread(each.distance, each.at.rows) for each in tried)
+    scale = min(each.misfit for each in tried)
     return min(tried, key=lambda each: robust_cost(each, scale))
 
 
@@ -198,7 +198,12 @@ def rivals(result: Fit) -> list[Rival]:
     """Other mountings that explain the used postures, the likeliest first."""
     rig, priors = result.rig, Priors(result.rig, result.postures.motion)
     problem = Problem(result.at, statistic(result.at, result.weight), priors)
-    starts = near_starts(result.state.rotation)
+    # Half turns about the vertical of any one sensor, any two, all, and all but one; quarter turns.
+    n, eye = rig.n, np.eye(rig.n)
+    flips = [np.zeros(n), np.ones(n), *eye, *(1 - eye), *(eye / 2), *(-eye / 2)]
+    flips += [eye[i] + eye[j] for i in range(n) for j in range(i) if n <= _MANY]
+    vertical = np.pi * np.array(flips)[..., None] * np.array([0.0, 0.0, 1.0])
+    starts = np.asarray(so3.exp(vertical) @ result.state.rotation)
     scale = max(1.0, result.cost / max(1, result.dof))
     here = result.state.rotation
     found: list[Rival] = []
@@ -235,8 +240,8 @@ def minima(of: Problem, state: State, starts: FloatArray) -> list[FloatArray]:
 
     state : its other parameters are the ones that the search starts from. starts : (T, n, 3, 3).
     """
-    axes = of.rig.axes
-    root = profile(of, state, mixing=of.rig.declared.force_sensitivity).root
+    rig = of.priors.rig
+    axes, root = rig.axes, profile(of, state, mixing=rig.declared.force_sensitivity).root
     found = descend(root, starts, iterations=_DESCENT, tolerance=1e-3)
     order = np.argsort(found.cost, kind="stable")
     limit = _WORTH * float(found.cost[order[0]]) + _MARGIN
@@ -265,17 +270,3 @@ def _turned(a: FloatArray, b: FloatArray, axes: BoolArray | None) -> FloatArray:
         count = axes.sum(axis=1)
         cosine = np.where(count > 1, cosine, np.where(count == 1, one, 1.0))
     return np.asarray(np.arccos(np.clip(cosine, -1, 1)))
-
-
-def near_starts(rotation: FloatArray) -> FloatArray:
-    """Starts (T, n, 3, 3) that a minimum (n, 3, 3) has for rivals.
-
-    Half turns about the vertical of any one sensor, any two (of up to `_MANY`), all, and all but
-    one; and quarter turns of one.
-    """
-    n, eye = len(rotation), np.eye(len(rotation))
-    flips = [np.zeros(n), np.ones(n), *eye, *(1 - eye), *(eye / 2), *(-eye / 2)]
-    if n <= _MANY:
-        flips += [eye[i] + eye[j] for i in range(n) for j in range(i)]
-    vertical = np.pi * np.array(flips)[..., None] * np.array([0.0, 0.0, 1.0])
-    return np.asarray(so3.exp(vertical) @ rotation)

@@ -106,7 +106,7 @@ def _fit_from(rig: Rig, postures: Postures, start: State) -> Fit:
     if np.mean(~used) > _FEW:
         result = fit(rig, postures, result.state)
         for _ in range(_ROUNDS):  # Student's weights
-            d2 = result.distance / spread(result.distance, result.at.rows)
+            d2 = result.distance / result.misfit
             weight = (_HEAVY_TAIL + result.at.rows) / (_HEAVY_TAIL + d2)
             result = fit(rig, postures, result.state, weight)
         used = sound(result, everyone)

@@ -25,7 +25,7 @@ from tdfscal.model.parameters import State, layout, nominal
 from tdfscal.model.postures import Rests
 from tdfscal.model.statics import Postures, forces, postures
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import Fit, spread
+from tdfscal.selfcal.estimator import Fit
 from tdfscal.selfcal.mounting_search import apart, best_start
 from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.significance import BETTER, MOST_POSTURES
@@ -161,7 +161,7 @@ def check_positions(rig: Rig, seen: Postures) -> None:
             raise
         cov = np.broadcast_to(_NOISE**2 * np.eye(3), seen.force_cov.shape)
         placed = other.positions(_some(replace(seen, force_cov=cov)))
-        alone, both = (_misfit(best_start(rig, each)) for each in (placed, other.postures(placed)))
+        alone, both = (best_start(rig, each).misfit for each in (placed, other.postures(placed)))
         if not (both < BETTER and BETTER * both < alone):
             raise
         values = {**error.finding.values, "whole": True}
@@ -172,10 +172,6 @@ def _some(seen: Postures) -> Postures:
     """Of many postures a part, evenly spread."""
     some = np.linspace(0, len(seen) - 1, min(len(seen), MOST_POSTURES)).round()
     return seen.subset(some.astype(np.int64))
-
-
-def _misfit(found: Fit) -> float:
-    return spread(found.distance, found.at.rows)
 
 
 def check_forces(rig: Rig, observed: Postures, start: Fit, rests: Rests | None = None) -> None:
@@ -199,7 +195,7 @@ def check_forces(rig: Rig, observed: Postures, start: Fit, rests: Rests | None =
     held = log_against_rig.weight_share(nominal(rig), rig.gravity, observed.force)
     if weak and any(log_against_rig.unit_of(float(np.median(held)))):
         log_against_rig.check_weight(rig, observed, nominal(rig))
-    if _misfit(start) > _LOST:
+    if start.misfit > _LOST:
         check_readings(rig, observed, start, rests)
         log_against_rig.check_weight(rig, observed, nominal(rig))
     if start.state.mass <= 0:
@@ -230,8 +226,8 @@ def check_readings(rig: Rig, observed: Postures, present: Fit, rests: Rests | No
 
     other = log_against_rig.upright(rig, observed.position)
     if other is not None:
-        placed = _misfit(best_start(rig, other.positions(_some(observed))))
-        if placed < BETTER and BETTER * placed < _misfit(present):
+        placed = best_start(rig, other.positions(_some(observed))).misfit
+        if placed < BETTER and BETTER * placed < present.misfit:
             values = {"fits": other.words, **other.written(rig.supports)}
             raise DataError(Finding("positions-renamed", values=values))
     if (found := misreading(rig, observed, present, rests)) is not None:
@@ -257,8 +253,8 @@ def misread(
         allowed = log_against_rig.weight_tolerance(0.0)
         return log_against_rig.weight_error(-1.0, allowed, float(rig.mass.value))
     values: dict[str, Value] = {
-        "before": float(np.sqrt(_misfit(present))),
-        "after": float(np.sqrt(found.misfit)),
+        "before": float(np.sqrt(present.misfit)),
+        "after": float(np.sqrt(found.fit.misfit)),
     }
     if mistake.wiring is not None:
         values |= {"exchange": mistake.wiring.words, **mistake.wiring.written(rig.supports)}

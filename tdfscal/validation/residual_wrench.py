@@ -26,7 +26,7 @@ from tdfscal.model.statics import Balance, Postures, balance, features_jacobian,
 from tdfscal.numerics.distributions import chi2_sf
 from tdfscal.numerics.least_squares import block_diagonal
 from tdfscal.records import Dwells, FloatArray, IntArray, Rig
-from tdfscal.selfcal.estimator import Fit, at_state, fit, spread
+from tdfscal.selfcal.estimator import Fit, at_state, fit
 from tdfscal.selfcal.misreadings import Misreading, Mistake, misreading
 from tdfscal.selfcal.mounting_search import best_start
 from tdfscal.selfcal.preparation import check_positions, misread
@@ -324,12 +324,12 @@ def _refuse_turned(known: Rig, seen: Postures, start: State, present: Fit) -> No
     Who mounted none anew has axes of the opposite sign, or exchanged; a fit about the calibrated
     mounting, `start`, does not find its way so far: all mountings are searched.
     """
-    if spread(present.distance, present.at.rows) >= BETTER:
+    if present.misfit >= BETTER:
         present = best_start(known, seen)
     turns = np.swapaxes(start.rotation, 1, 2) @ present.state.rotation
     if (other := turned_axes(known.supports, turns)) is None:
         return
     found = Misreading(Mistake(other), fit(known, other.postures(seen), start))
-    if found.misfit < BETTER:
+    if found.fit.misfit < BETTER:
         mounted = at_state(known, seen, start, np.ones(len(seen)))
         raise misread(known, found, mounted, check=True)
