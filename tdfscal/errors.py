@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import re
 from collections.abc import Callable, Sequence
 from reprlib import repr as shortly
@@ -183,12 +184,17 @@ def expect(name: str, value: object, kinds: Any, wanted: str) -> None:
         raise UsageError(f"expected {wanted}, got {shortly(value)}", where=name)
 
 
+def reason(fault: OSError) -> str:
+    """Say in the system's own words why it failed, not in those of a library."""
+    return os.strerror(fault.errno) if fault.errno else str(fault)
+
+
 def inaccessible(fault: OSError) -> TdfscalError:
     """Return the error of a file or folder that the system does not let be read or written."""
     if is_short(fault):
         return shortage()
     return UsageError(
-        f"cannot be read or written: {fault.strerror or fault}",
+        f"cannot be read or written: {reason(fault)}",
         where=str(fault.filename or "a file or folder"),
         hint="check the path, make room, or choose another place",
     )

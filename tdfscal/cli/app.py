@@ -192,7 +192,7 @@ def _mistake(error: Any) -> str:
     said = str(error.format_message())
     if said.startswith("Usage:"):
         return f"no command is given\n\n{said}"
-    said = " ".join(said.split()).rstrip(".?")
+    said = " ".join(said.replace("Value error, ", "").split()).rstrip(".?")
     # An option without its value is found before there is a context.
     named = [word for word in sys.argv[1:2] if word in COMMANDS]
     path = getattr(getattr(error, "ctx", None), "command_path", " ".join(["tdfscal", *named]))

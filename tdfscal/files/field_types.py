@@ -26,7 +26,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 from typing_extensions import TypeAliasType
 
-from tdfscal.files.yaml import nearest, shorten
+from tdfscal.files.yaml import as_written, nearest, shorten
 from tdfscal.frozen import FrozenInstanceError
 from tdfscal.records import BoolArray, FloatArray, UncertainValue
 
@@ -105,7 +105,7 @@ def fault(message: str, *place: str | int, hint: str | None = None) -> PydanticC
 def _as_number(given: Any) -> Any:
     """Return a number; refused is what overflows when it is squared, and is no quantity at all."""
     if isinstance(given, (int, float)) and LARGEST < abs(given) < math.inf:
-        raise fault(f"is beyond any quantity, got {given!r:.20}", hint="check the number")
+        raise fault(f"is beyond any quantity, got {as_written(given)}", hint="check the number")
     return given
 
 
@@ -114,7 +114,7 @@ def _as_stated(given: Any) -> Any:
     value = _as_number(given)
     if isinstance(value, (int, float)) and 0 < abs(value) < 1 / LARGEST:
         raise fault(
-            f"is below any quantity, got {value!r:.20}", hint="check the number, or write 0"
+            f"is below any quantity, got {as_written(value)}", hint="check the number, or write 0"
         )
     return value
 
@@ -133,7 +133,7 @@ def _std(given: Any) -> Any:
     # `.inf` is text in JSON, which has no infinity.
     value = math.inf if given in (UNKNOWN, ".inf") else _as_stated(given)
     if isinstance(value, str):
-        what = f"must be a number or `{UNKNOWN}`, got {value!r:.40}"
+        what = f"must be a number or `{UNKNOWN}`, got {as_written(value)}"
         raise fault(what, hint="correct the value")
     if isinstance(value, (int, float)) and not value >= 0:
         what = f"a standard uncertainty must be 0 or above, got {value:g}"
@@ -143,7 +143,7 @@ def _std(given: Any) -> Any:
 
 def _three(value: Any) -> Any:
     if not isinstance(value, (list, tuple)) or len(value) != 3:
-        got = f"{len(value)} of them" if isinstance(value, (list, tuple)) else f"{value!r:.40}"
+        got = f"{len(value)} of them" if isinstance(value, (list, tuple)) else as_written(value)
         raise fault(f"must be a list of three, got {got}", hint="write [.., .., ..]")
     return value
 
@@ -223,7 +223,8 @@ _Std3 = Annotated[tuple[Std, Std, Std], _triple, BeforeValidator(one_for_all)]
 Stds = TypeAliasType("Stds", Annotated[_Std3, WithJsonSchema(_STD_SCHEMA_3)])
 """Three of them; a single one stands for all three."""
 
-_LINE = StringConstraints(strict=True, min_length=1, pattern=r"^[^\x00-\x1f\x7f]+$")
+LINE, WORD, DIGEST = r"^[^\x00-\x1f\x7f]+$", r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", r"^[0-9a-f]{64}$"
+_LINE = StringConstraints(strict=True, min_length=1, pattern=LINE)
 Text = TypeAliasType("Text", Annotated[str, _LINE])
 """One line of text."""
 
@@ -243,7 +244,7 @@ def _date(value: str) -> str:
         datetime.fromisoformat(value)
     except ValueError:
         raise fault(
-            f"is no date: {value!r:.40}", hint="write 2026-11-21 or 2026-11-21T08:30:00Z"
+            f"is no date: {as_written(value)}", hint="write 2026-11-21 or 2026-11-21T08:30:00Z"
         ) from None
     return value
 
@@ -254,22 +255,21 @@ Date = TypeAliasType("Date", Annotated[Text, AfterValidator(_date)])
 FreeText = TypeAliasType("FreeText", Annotated[str, StringConstraints(strict=True, min_length=1)])
 """Text as it comes, such as a file's name."""
 
-_WORD = StringConstraints(strict=True, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$", max_length=64)
+_WORD = StringConstraints(strict=True, pattern=WORD, max_length=64)
 Name = TypeAliasType("Name", Annotated[str, _WORD])
 """A support's name; it is part of field and parameter names such as `ncp1.rx`."""
 
-Sha256 = TypeAliasType(
-    "Sha256", Annotated[str, StringConstraints(strict=True, pattern=r"^[0-9a-f]{64}$")]
-)
+Sha256 = TypeAliasType("Sha256", Annotated[str, StringConstraints(strict=True, pattern=DIGEST)])
 
 
 def _with_std(given: Any, info: ValidationInfo) -> Any:
     """Refuse a bare value: a quantity without its uncertainty is no measurement."""
     if isinstance(given, (dict, Strict)):
         return given
+    number = as_written(given) if isinstance(given, int | float | list) else "..."
     raise fault(
-        f"states no standard uncertainty, got {given!r:.60}",
-        hint=f"write `{info.field_name}: {{value: {given!r:.60}, std: ...}}`; "
+        f"states no standard uncertainty, got {as_written(given)}",
+        hint=f"write `{info.field_name}: {{value: {number}, std: ...}}`; "
         "std: 0 says exact, std: unknown says unknown",
     )
 

@@ -8,8 +8,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from tdfscal.errors import TdfscalError, UsageError
-from tdfscal.files.field_types import UNKNOWN
-from tdfscal.files.yaml import Document, Place, nearest, shorten
+from tdfscal.files.field_types import DIGEST, LINE, UNKNOWN, WORD
+from tdfscal.files.yaml import Document, Place, as_written, nearest, shorten
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -34,7 +34,7 @@ def checked(model: type[Model], document: Document, error: type[TdfscalError]) -
     (place, what, hint), *others = [_told(document.content, fault) for fault in faults]
     for other, also, _ in others[: SHOWN - 1]:
         at = document.where(other).removeprefix(document.source).lstrip(", ")
-        what += f"; also {at}: {also}"
+        what += f"; also {at}: {also}" if at else f"; also {also}"
     if len(faults) > SHOWN:
         what += f"; and {len(faults) - SHOWN} more"
     raise error(what, where=document.where(place), hint=hint)
@@ -57,7 +57,7 @@ def require_format(document: Document, expected: str, error: type[TdfscalError])
         raise error(f"is not a {thing}: it has no `format`", where=where, hint=hint)
     if content["format"] == expected:
         return
-    where, shown = document.where(("format",)), shorten(str(content["format"]))
+    where, shown = document.where(("format",)), as_written(content["format"]).strip("'")
     named, _, number = shown.rpartition("/")
     if named == kind and number.isdecimal() and int(number) > int(version):
         what = f"is of the newer format {shown}; this program reads {expected}"
@@ -87,17 +87,17 @@ def _told(content: Any, fault: ErrorDetails) -> tuple[Place, str, str]:
         return place[:-1], f"lacks `{place[-1]}`", _MISSING.get(place[-1], f"add `{place[-1]}`")
     what = _PHRASES.get(kind, fault["msg"].replace("Input should", "must", 1))
     what = what.format(**context) if kind == "too_short" else what
+    what, advice = _PATTERNS.get(context.get("pattern", ""), (what, _HINTS.get(kind)))
     if kind != "tdfscal":
-        what = f"{what[0].lower()}{what[1:]}, got {shorten(repr(fault['input']))}"
+        what = f"{what[0].lower()}{what[1:]}, got {as_written(fault['input'])}"
     # A value that stands for a mapping (`mass: 500`) has no such place in the file.
-    return place[:there], what, context.get("hint") or _HINTS.get(kind, "correct the value")
+    return place[:there], what, context.get("hint") or advice or "correct the value"
 
 
 _MISSING: dict[str | int, str] = {
     "std": f"add it: `std: 0` says exact, `std: {UNKNOWN}` says unknown"
 }
 _PHRASES = {
-    "string_pattern_mismatch": "has a character that is not allowed here",
     "string_too_short": "is empty",
     "too_short": "must have {min_length} entries or more",
     "float_type": "must be a number",
@@ -107,8 +107,16 @@ _PHRASES = {
     "string_too_long": "is too long",
     "tuple_type": "must be a list",
     "list_type": "must be a list",
+    "too_long": "has too many entries",
     "int_type": "must be a whole number",
+    "int_parsing": "must be a whole number",
+    "float_parsing": "must be a number",
     "bool_type": "must be true or false",
+}
+_PATTERNS = {
+    LINE: ("must be one line of text", "write it on one line"),
+    WORD: ("is no name", "use letters, digits, `_` and `-`"),
+    DIGEST: ("is no SHA-256 digest", "write its 64 digits, 0 to 9 and a to f"),
 }
 _HINTS = {
     "finite_number": f"write a number; only standard uncertainties may be `{UNKNOWN}` or .inf",
@@ -119,7 +127,6 @@ _HINTS = {
     "model_type": "write a mapping of keys and values",
     "dict_type": "write a mapping of keys and values",
     "string_type": "write text; put a number that is a name in quotes",
-    "string_pattern_mismatch": "use letters, digits, `_` and `-`",
     "list_type": "write a list",
     "tuple_type": "write a list",
     "too_short": "add what is missing",

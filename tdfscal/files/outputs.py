@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from tdfscal.errors import OutputError, UsageError
+from tdfscal.errors import OutputError, UsageError, reason
 from tdfscal.files.yaml import shorten
 
 #: Of report pages.
@@ -247,6 +247,6 @@ def writing(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as fault:
-        what = f"cannot be written: {fault.strerror or fault}"
+        what = f"cannot be written: {reason(fault)}"
         hint = "check that the folder exists, may be written to and has room"
         raise UsageError(what, where=shorten(str(path), 300), hint=hint) from fault

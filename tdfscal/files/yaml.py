@@ -133,6 +133,30 @@ def unreadable(path: Path, fault: OSError | ValueError) -> UsageError:
     return UsageError(f"cannot be read: {reason}", where=where, hint="check the path")
 
 
+#: What parsers say, in words of ours.
+_SYNTAX = {
+    "Expecting value": "a value is missing",
+    "Expecting ',' delimiter": "a comma is missing",
+    "Expecting ':' delimiter": "a colon is missing",
+    "Expecting property name enclosed in double quotes": "a key in double quotes is missing",
+    "Extra data": "more follows behind its end",
+    "Unterminated string starting at": "a text is not closed",
+    "did not find expected node content": "a value is missing",
+    "did not find expected key": "a key is missing",
+    "could not find expected ':'": "a colon is missing",
+    "did not find expected ',' or ']'": "a bracket is not closed",
+    "did not find expected ',' or '}'": "a brace is not closed",
+    "mapping values are not allowed in this context": "a colon stands where none may",
+    "found unexpected end of stream": "a text is not closed",
+    "exceeded maximum nesting depth": _TOO_DEEP,
+}
+
+
+def _wrong(form: str, problem: str) -> str:
+    told = _SYNTAX.get(problem)
+    return f"is not {form}: {told}" if told else f"is not {form}"
+
+
 @dataclass(slots=True)
 class _Builder:
     """Makes plain values of a text. lines : of each value of YAML, from 1."""
@@ -162,7 +186,7 @@ class _Builder:
             mark, hint = fault.problem_mark, "correct the indentation or the syntax there"
             where = (mark.line + 1, mark.column + 1) if mark else ()
             row = [*text.splitlines(), ""][mark.line] if mark else ""
-            what = f"is not YAML: {fault.problem}"
+            what = _wrong("YAML", str(fault.problem))
             if "\t" in row[: len(row) - len(row.lstrip())]:
                 what, hint = "a tab stands where YAML wants spaces", "indent with spaces"
             self.fail(what, hint, *where)
@@ -204,8 +228,8 @@ class _Builder:
             content = read(text)
             too_deep = _deeper_than(MAX_DEPTH, content)
         except json.JSONDecodeError as fault:
-            what = f"is not JSON: {fault.msg}"
-            self.fail(what, "correct the syntax there", fault.lineno, fault.colno)
+            what, hint = _wrong("JSON", fault.msg), "correct the syntax there"
+            self.fail(what, hint, fault.lineno, fault.colno)
         except RecursionError:
             too_deep = True
         if too_deep:
@@ -254,6 +278,15 @@ def shorten(text: str, limit: int = 40) -> str:
     """Text cut for a message, without line breaks or characters that do not print."""
     clean = "".join(letter if letter.isprintable() else "·" for letter in text[: limit + 1])
     return clean if len(clean) <= limit else clean[: limit - 1] + "…"
+
+
+def as_written(value: object, limit: int = 40) -> str:
+    """A value as a file has it, cut for a message."""
+    if isinstance(value, str):
+        return f"'{shorten(value, limit)}'"
+    if value is None or isinstance(value, bool):
+        return "null" if value is None else str(value).lower()
+    return shorten(repr(value), limit)
 
 
 def nearest(name: str, known: Sequence[str], cutoff: float = 0.6) -> str | None:

@@ -138,7 +138,7 @@ FAULTS = [
     ("[0.0, 0.0, 30.0]]", "[0.0, 0.0, 300.0]]", "terminal.inertia", "no body"),
     ("tilt_std: 0.0", "tilt_std: -1e-3", "gravity.tilt_std", "greater than or equal"),
     ("name: ncp2", "name: ncp1", "supports[1].name", "taken by supports[0]"),
-    ("name: ncp2", 'name: ""', "supports[1].name", "not allowed"),
+    ("name: ncp2", 'name: ""', "supports[1].name", "is no name"),
     ("name: ncp2", "name: NCP 2", "supports[1].name", "letters, digits"),
     ("name: ncp2", "name: 2", "supports[1].name", "in quotes"),
     ("rpy_std: .inf", "sensor: {serial: 4711}", "supports[1].sensor.serial", "by supports[0]"),
