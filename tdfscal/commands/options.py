@@ -116,13 +116,13 @@ class Described(Option):
         below = min(self.below, _MOST.get(self.metavar or "", inf))
         if self.words and value is not None and value not in self.words:
             raise UsageError(f"{value!r} is none of {', '.join(self.words)}", where=where)
-        if self.kind is None:  # only Python has it
-            return
         kinds = [get_origin(kind) or kind for kind in get_args(self.python) or (self.python,)]
+        if self.kind is None or (
+            value is None and NoneType in kinds
+        ):  # only Python has it, or none
+            return
         number = bool({int, float}.intersection(kinds)) and str not in kinds
         # Paths and moments say themselves what they take.
-        if value is None and NoneType in kinds:
-            return
         if value is None or not (self.words or {os.PathLike, datetime}.intersection(kinds)):
             taken = tuple(_TAKEN.get(kind, (kind, ""))[0] for kind in kinds)
             unlike = isinstance(value, bool) is not (bool in kinds) or (number and value != value)
@@ -141,16 +141,8 @@ class Described(Option):
 
 
 #: First numbers of a unit that are too large for any machine, m too where points are named.
-_MOST = {
-    "N": 1e7,
-    "M": 1e4,
-    "M/S": 100.0,
-    "HZ": 1e6,
-    "PER_HOUR": 1e4,
-    "MRAD": 1e4,
-    "P": 1e6,
-    "A": 1e6,
-}
+_MOST = {"N": 1e7, "M": 1e4, "M/S": 100.0, "HZ": 1e6, "PER_HOUR": 1e4, "MRAD": 1e4}
+_MOST |= {"P": 1e6, "A": 1e6}
 #: Kinds of value: what is taken for one, and what it is called.
 _TAKEN: dict[Any, tuple[Any, str]] = {
     float: (Real, "a number"),
@@ -160,16 +152,13 @@ _TAKEN: dict[Any, tuple[Any, str]] = {
     Sequence: (Iterable, "a list of texts or numbers"),
     Mapping: (Mapping, "a mapping"),
 }
-#: A function's parameter that gets the line that asks for it, and that no user sees.
-_LINE = "command"
 
 
 @record
 class Command:
     """A function that is a command.
 
-    example : a command line, which begins with the command's name. every : its parameters, in
-    their order.
+    example : a command line, which begins with its name. every : its parameters in their order.
     """
 
     function: Callable[..., Result]
@@ -193,10 +182,10 @@ class Command:
             parameter.check(values[parameter.name])
         values["progress"] = values["progress"] or silent
         expect("progress", values["progress"], Callable, "a function that takes a stage's name")
-        if _LINE in values:
-            values[_LINE] = line
-        files = [(p, one(values[p.name])) for p in self.every if p.writes is not None]
-        asked = [(p, path) for p, path in files if path is not None]
+        if "command" in values:  # which no user sees
+            values["command"] = line
+        files = [p for p in self.every if p.writes is not None]
+        asked = [(p, path) for p in files if (path := one(values[p.name]))]
         try:
             with together():
                 check_outputs((p.names[0], path, p.writes or ()) for p, path in asked)
@@ -235,7 +224,8 @@ def command(example: str) -> Callable[[_Function], _Function]:
 
     def make(function: _Function) -> _Function:
         hints, whole = get_type_hints(function, include_extras=True), signature(function)
-        name, named = function.__name__, {n: p for n, p in whole.parameters.items() if n != _LINE}
+        name = function.__name__
+        named = {n: p for n, p in whole.parameters.items() if n != "command"}
         each = tuple(Described.of(p, hints[n]) for n, p in named.items())
         COMMANDS[name] = made = Command(function, example, each)
 
@@ -251,8 +241,8 @@ def command(example: str) -> Callable[[_Function], _Function]:
                     raise made.in_python(error) from error.__cause__
 
         told = "\n".join(f"    {p.name} : {p.help}." for p in each)
-        whole_doc = str(function.__doc__).rstrip() + "\n\n    Raises TdfscalError, by cause."
-        run.__doc__ = f"{whole_doc}\n\n    Parameters\n    ----------\n{told}\n    "
+        said = f"{str(function.__doc__).rstrip()}\n\n    Raises TdfscalError, by cause."
+        run.__doc__ = f"{said}\n\n    Parameters\n    ----------\n{told}\n    "
         # `help` shows the types alone.
         bare = [named[p.name].replace(annotation=p.python) for p in each]
         bare[-1] = bare[-1].replace(default=None, annotation=Progress | None)  # nobody follows
@@ -281,15 +271,12 @@ _DURATION = re.compile(r"(\+?)\s*(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(ms|s|min|h)?
 def numbers(option: str, value: Numbers) -> tuple[float, ...]:
     """Return finite numbers, of a sequence or of text such as `0.1,0.1,0.2`. Raises UsageError."""
     try:
-        values = tuple(
-            float(part) for part in (value.split(",") if isinstance(value, str) else value)
-        )
+        values = tuple(map(float, value.split(",") if isinstance(value, str) else value))
     except (TypeError, ValueError):
         values = ()
     if not values or not all(abs(one) < _MOST["M"] for one in values):
-        raise UsageError(
-            f"{value!r} is no list of numbers", where=option, hint="write numbers as 0.1,0.1,0.2"
-        )
+        hint = "write numbers as 0.1,0.1,0.2"
+        raise UsageError(f"{value!r} is no list of numbers", where=option, hint=hint)
     return values
 
 
@@ -303,14 +290,13 @@ def triple(option: str, value: Numbers) -> tuple[float, float, float]:
 
 def window(begin: Instant | None, end: Instant | None) -> TimeWindow | None:
     """Return the part of a log that `--from` and `--to` name; None for all. Raises UsageError."""
+    if begin is None and end is None:
+        return None
     first = None if begin is None else _moment("--from", begin)
     last = None if end is None else _moment("--to", end)
-    if first is None and last is None:
-        return None
     if first and last and first.after_begin == last.after_begin and first.seconds >= last.seconds:
-        raise UsageError(
-            f"{first} is not before {last}", where="--from, --to", hint="give the earlier one first"
-        )
+        what, hint = f"{first} is not before {last}", "give the earlier one first"
+        raise UsageError(what, where="--from, --to", hint=hint)
     return TimeWindow(first, last)
 
 
