@@ -285,7 +285,7 @@ def _opening(stream: Iterator[Log]) -> tuple[list[Log], list[FloatArray]]:
         times = times or [[] for _ in each]
         for known, time in zip(times, each, strict=True):
             known.append(time[:_MANY])
-            begin, end = min(begin, *time[:1]), max(end, *time[-1:])
+            begin, end = min([begin, *time[:1]]), max([end, *time[-1:]])
         count = min(sum(len(t) for t in known) for known in times)
         if count >= (1000 if end - begin >= _SHORTEST_LOG else _MANY):
             break

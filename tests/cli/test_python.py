@@ -112,6 +112,7 @@ def test_a_file_without_digest_is_told_by_whatever_uses_it(line: str, cli: Cli) 
     Path("bare.yaml").write_text(re.sub("content_sha256: .*\n", "", own), encoding="utf-8")
     digest = re.findall(r"content_sha256: (\w+)", own)[0]
     said = cli.json(*line.replace("BARE", "bare.yaml").split(), "-q")
+    assert "UNSEALED" in cli("report", "bare.yaml").out.splitlines()[0]
     Path("bare.yaml").unlink()
     assert "calibration-unsealed" in {found["code"] for found in said["findings"]}
     assert digest not in json.dumps(said)

@@ -80,6 +80,7 @@ def test_a_sensor_that_turned_before_a_motion_is_named(minute: Path, tmp_path: P
     (found,) = updated.reasons
     assert (found.code, found.subject) == ("campaigns-changed", ("ncp2",))
     assert found.size == pytest.approx(0.02, abs=1e-3)
+    assert "by itself: turned" in (found.cure or "")  # what is known is a calibration already
     assert not updated.found("stretch-touched")
     # The angles are those of now: nothing that was known of the sensor holds them back.
     now, before = (np.array(c.to_dict()["supports"][1]["rotation"]) for c in (updated, known))
