@@ -1,7 +1,6 @@
 """A command's parameters, told once: Python's help, the command line, the reference follow.
 
-So do its files: a command's function only returns the result from which they are written. And
-values as a command line or Python writes them.
+So do its files, made of what its function returns. Values as a command line or Python has them.
 """
 
 from __future__ import annotations
