@@ -89,11 +89,7 @@ def init(
     info = describe_logs(logs)
     first = info.contents[0]
     if not info.recorders:
-        raise _no_draft(
-            info,
-            "where two recorders wrote positions and forces apart, name the files of both; else "
-            "write the `log:` block by hand: `tdfscal info` lists the fields",
-        )
+        raise _no_draft(info, info.guess.cure)
     position, force = _postures(info)
     wrong, mended = bent(info.guess.supports, position)
     position = position if mended is None else mended.signals(position)

@@ -8,7 +8,7 @@ from typing import Any, Final, Literal, cast
 
 import numpy as np
 
-from tdfscal.files.rig.draft import named_supports
+from tdfscal.files.rig.draft import flow, named_supports
 from tdfscal.files.rig.recorders import LogBlock, LogTime, SupportFields, by_scale, unit_factor
 from tdfscal.frozen import record, replace
 from tdfscal.logs.contents import Contents, Vector, force_unit, length_unit, resampled, time_unit
@@ -46,12 +46,13 @@ _LARGEST: Final = 1e15  # squares of more overflow
 class Guess:
     """recorders : a block each; none where no pairs of positions and forces are found, several
     where these are in files of their own. notes : why, and doubts. problems : where what the file
-    says of its units cannot be.
+    says of its units cannot be. cure : what to do where none is guessed.
     """
 
     recorders: tuple[LogBlock, ...]
     notes: tuple[str, ...]
     problems: tuple[str, ...] = ()
+    cure: str = ""
 
     @property
     def supports(self) -> tuple[str, ...]:
@@ -96,7 +97,9 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
     pairs = _paired(positions, [v for v in forces if not _is_commanded(v)])
     if len(pairs) < 3:
         found = f"{len(positions)} vectors look like positions and {len(forces)} like forces"
-        return Guess((), (_why_none(found, vectors, files.values()),))
+        cure = "where two recorders wrote positions and forces apart, name the files of both; else "
+        cure = f"{cure if positions or forces else ''}{_by_hand(files.values())}"
+        return Guess((), (_why_none(found, vectors, files.values()),), cure=cure)
     pairs, notes = _named(sorted(pairs, key=lambda p: natural(p.position.label)), rig)
     length = length_unit([p.position for p in pairs], rig)
     force = force_unit([p.force for p in pairs], rig)
@@ -121,8 +124,11 @@ def _guess(files: Mapping[str, Contents], rig: Rig | None) -> Guess:
         notes.append(note)
         problems.append(problem)
         if clock is None:
-            recorders = []
-            break
+            texts = [f.name for f in contents.streams[0].fields if f.kind == "text"][:2]
+            cure = "give each row its time, in one column"
+            if len(texts) > 1:
+                cure += f", such as 2026-11-03 08:15:00.5 of {' and '.join(texts)}"
+            return Guess((), (note,), cure=cure)
         stated: dict[str, Any] = {"files": pattern} if pattern else {}
         if "position" in kinds:
             stated["length_unit"] = length.unit
@@ -148,6 +154,22 @@ def _why_none(found: str, vectors: Sequence[Vector], files: Collection[Contents]
     if twice := ", ".join(name for contents in files for name in contents.repeated):
         none += f"; columns that are there more than once are passed over: {twice}"
     return none
+
+
+def _by_hand(files: Collection[Contents]) -> str:
+    """How to name columns, or the log block with those of the files, in their order."""
+    fields = [field for contents in files for field in contents.streams[0].fields]
+    clock, *others = [f.name for f in fields if f.low is not None and f.name] or ["Time"]
+    supports = {
+        f"ncp{k // 6 + 1}": {"position": others[k : k + 3], "force": others[k + 3 : k + 6]}
+        for k in range(0, len(others) - 5, 6)
+    }
+    units = {"length_unit": "mm", "force_unit": "N", "force_on": "terminal"}
+    block = flow({"time": {"field": clock, "unit": "s"}, **units, "supports": supports})
+    return (
+        "name the columns of each support, such as X1, Y1, Z1, F1x, F1y, F1z, and draft again, or "
+        f"write in rig.yaml, with each column where it belongs, `log: {block}`"
+    )
 
 
 def crossed(supports: Sequence[str], log: Sequence[LogBlock]) -> tuple[str, ...]:

@@ -1,7 +1,9 @@
 """`init`, then `calibrate`: one campaign as three recorders write it."""
 
 import csv
+import re
 from collections.abc import Callable
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,8 @@ import pytest
 import yaml
 
 import tdfscal
+from tdfscal.errors import DataError
+from tdfscal.files.rig.recorders import LogBlock
 from tests.cli.running import Cli
 from tests.words import in_words
 
@@ -116,6 +120,28 @@ def test_the_draft_of_every_recorder_reads_the_same_samples(
         np.testing.assert_allclose(log.position[k - 1].value, moves, rtol=1e-12, atol=1e-15)
         np.testing.assert_allclose(log.force[k - 1].value, loads, rtol=1e-12)
     np.testing.assert_allclose(np.diff(log.force[0].time), np.diff(part["time"]), atol=1e-6)
+
+
+def test_a_log_that_cannot_be_guessed_ends_with_what_to_write(
+    frame: tuple[pd.DataFrame, np.ndarray], tmp_path: Path
+) -> None:
+    """Nameless columns: a log block that reads them; date and time apart: one column that does."""
+    part, log = frame[0], tmp_path / "log.csv"
+    names = ["Zeit", *(f"Kanal{k}" for k in range(1, 19))]
+    part.set_axis(names, axis=1).to_csv(log, index=False)
+    with pytest.raises(DataError) as refused:
+        tdfscal.init(log)
+    (block,) = re.findall(r"`log: (.*)`", refused.value.hint or "")
+    fields = LogBlock(**yaml.safe_load(block)).fields
+    assert [*chain(*fields.values())] == names[1:]
+    when = pd.Timestamp("2026-11-03") + pd.to_timedelta(part["time"], unit="s")
+    rest = part.drop(columns="time")
+    apart = {"Datum": when.dt.strftime("%d.%m.%Y"), "Uhrzeit": when.dt.strftime("%H:%M:%S.%f")}
+    rest.assign(**apart).to_csv(log, index=False)
+    with pytest.raises(DataError, match=r"such as 2026-11-03 08:15:00\.5 of Datum and Uhrzeit"):
+        tdfscal.init(log)
+    rest.assign(Zeit=when.dt.strftime("%Y-%m-%d %H:%M:%S.%f")).to_csv(log, index=False)
+    assert tdfscal.init(log).confirm
 
 
 def test_what_is_to_be_confirmed_is_said(

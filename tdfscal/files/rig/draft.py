@@ -165,7 +165,7 @@ def draft(
     each = zip(named_supports(recorders), sketch.hinge, sketch.nominal_rpy + 0.0, strict=True)
     supports = (
         _SUPPORT.format(
-            name=_flow(support),
+            name=flow(support),
             hinge=", ".join(f"{c:.6f}" for c in place),
             rpy=", ".join(f"{a:.15g}" for a in rpy),
         )
@@ -179,7 +179,7 @@ def draft(
         )
     ]
     return _DRAFT.format(
-        name=_flow(in_utf8(name)),
+        name=flow(in_utf8(name)),
         postures=postures,
         mass=sketch.mass,
         mass_std=float(f"{0.02 * sketch.mass:.0e}"),
@@ -222,12 +222,12 @@ def _block_lines(block: Mapping[str, Any], said: Mapping[str, str], indent: str)
     lines = []
     for key, value in block.items():
         if key != "supports":
-            lines.append(f"{indent}{key}: {_flow(value)}{said.get(key, '')}")
+            lines.append(f"{indent}{key}: {flow(value)}{said.get(key, '')}")
             continue
         lines.append(f"{indent}supports:")
         for name, fields in value.items():
-            lines.append(f"{indent}  {_flow(name)}:{said.get('supports', '')}")
-            lines += [f"{indent}    {what}: {_flow(which)}" for what, which in fields.items()]
+            lines.append(f"{indent}  {flow(name)}:{said.get('supports', '')}")
+            lines += [f"{indent}    {what}: {flow(which)}" for what, which in fields.items()]
     return lines
 
 
@@ -238,7 +238,8 @@ class _OneLine(yaml.SafeDumper):
 _OneLine.add_representer(str, represent_text)
 
 
-def _flow(value: Any) -> str:
+def flow(value: Any) -> str:
+    """A value as YAML on one line."""
     layout: dict[str, Any] = {"default_flow_style": True, "sort_keys": False, "width": 1_000_000}
     prints = "\\" not in repr(value)  # all but what steers a terminal stands as it is
     text: str = yaml.dump(value, Dumper=_OneLine, allow_unicode=prints, **layout)
