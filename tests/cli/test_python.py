@@ -75,7 +75,7 @@ def test_python_and_json_are_the_same(case: Case, capsys: pytest.CaptureFixture[
     frame = result.to_frame()
     assert isinstance(frame, pd.DataFrame)
     assert len(frame)
-    figure = result.plot()
+    figure = result.plot(next(iter(result.drawings()), None))
     assert isinstance(figure, Figure)
     assert any(ax.has_data() for ax in figure.axes)
     for ax in figure.axes:  # nothing lies outside

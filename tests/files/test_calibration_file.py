@@ -90,6 +90,7 @@ BROKEN: list[tuple[str, Any, str, str]] = [
     ("format", "tdfscal-rig/1", "not a calibration file", "format"),
     ("format", DROP, "not a calibration file", ""),
     ("fit", DROP, "lacks `estimator`, `fit`", ""),
+    ("created", "2026-13-45T00:00:00Z", "is no instant", "created"),
     ("method", "tracker", "belongs to self-calibration", "estimator"),
     ("estimator", DROP, "estimator", ""),
     ("status", "rejected", "findings", "status"),
