@@ -31,7 +31,7 @@ from tdfscal.simulation import (
     simulate_dwells,
     simulate_survey,
 )
-from tdfscal.trackercal import calibrate_tracker
+from tdfscal.trackercal.pipeline import calibrate_tracker
 
 #: Methods in words: Eq. 24 as corrected (27 entries from moments), the same with force equations;
 #: the angles themselves from the same equations; maximum likelihood; the laser tracker.

@@ -46,7 +46,7 @@ from tdfscal.selfcal.pipeline import Estimator, SelfCalibration, self_calibrate
 
 if TYPE_CHECKING:
     from tdfscal.motioncal.pipeline import MotionCalibration
-    from tdfscal.trackercal import TrackerCalibration
+    from tdfscal.trackercal.pipeline import TrackerCalibration
 
 
 Samples = Literal["static", "moving", "all"]

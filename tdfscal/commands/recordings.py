@@ -25,7 +25,7 @@ from tdfscal.motioncal.streams import Slow
 from tdfscal.records import Dwells, Measured, Rig
 
 if TYPE_CHECKING:
-    from tdfscal.trackercal import TrackerCalibration
+    from tdfscal.trackercal.pipeline import TrackerCalibration
 
 
 def surveyed(
@@ -37,7 +37,7 @@ def surveyed(
     """
     from tdfscal.files.points.reading import read_tracker_session
     from tdfscal.files.saving import fingerprint
-    from tdfscal.trackercal import calibrate_tracker
+    from tdfscal.trackercal.pipeline import calibrate_tracker
 
     rig = log.campaign.rig
     if rig.tracker is None:

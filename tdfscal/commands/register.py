@@ -8,7 +8,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from tdfscal import trackercal
 from tdfscal.commands import options
 from tdfscal.commands.campaign import PathLike
 from tdfscal.commands.options import Option, silent
@@ -22,7 +21,8 @@ from tdfscal.frozen import record
 from tdfscal.records import Instrument
 from tdfscal.reporting.layout import Drawing, Report
 from tdfscal.reporting.summaries import registration_document, registration_report
-from tdfscal.trackercal import PointRegistration
+from tdfscal.trackercal import best_fit
+from tdfscal.trackercal.best_fit import PointRegistration
 from tdfscal.trackercal.point_matching import Match
 
 
@@ -85,7 +85,7 @@ def register(
     pairs = _pairs(groups)
     first = read_point_file(as_path(measured), length_unit=unit)
     second = read_point_file(as_path(reference), length_unit=unit)
-    fit = trackercal.register(
+    fit = best_fit.register(
         first.points, second.points, instrument=instrument, match=match, groups=pairs
     )
     return RegisterResult(fit, (*first.findings, *second.findings))

@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # each command loads its own
     from tdfscal.planning.motion import MovingPlan
     from tdfscal.planning.plan import Plan
     from tdfscal.planning.predicted_information import Forecast
-    from tdfscal.trackercal import PointRegistration
+    from tdfscal.trackercal.best_fit import PointRegistration
 
 #: Units of the components.
 UNITS = ("N", "N", "N", "N·m", "N·m", "N·m")

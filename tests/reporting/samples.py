@@ -17,7 +17,7 @@ from tdfscal.records import Dwells, InputFile, Measured, Rotations
 from tdfscal.reporting.figures import style
 from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
 from tdfscal.simulation import Options, SurveyOptions, simulate_dwells, simulate_survey
-from tdfscal.trackercal import calibrate_tracker
+from tdfscal.trackercal.pipeline import calibrate_tracker
 
 RIG = """\
 format: tdfscal-rig/1

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from tdfscal.numerics import so3
 from tdfscal.records import FloatArray, Instrument
-from tdfscal.trackercal import TrackerCalibration, calibrate_tracker
+from tdfscal.trackercal.pipeline import TrackerCalibration, calibrate_tracker
 
 from .world import PAPER, SQUARE, TRIPOD, Survey, chi2_bounds, error_vector, make_survey, squared
 

@@ -10,7 +10,7 @@ from scipy import stats
 from tdfscal.errors import DataError
 from tdfscal.records import FloatArray, Instrument, PointSet
 from tdfscal.simulation import measure
-from tdfscal.trackercal import register
+from tdfscal.trackercal.best_fit import register
 from tdfscal.trackercal.judged_registration import fit_survey
 from tdfscal.trackercal.noise import Noise, angle_covariance, observe, point_noise, range_covariance
 from tdfscal.trackercal.point_matching import MatchedPoints

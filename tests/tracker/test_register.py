@@ -6,7 +6,7 @@ import pytest
 from tdfscal.errors import DataError, NotIdentifiableError
 from tdfscal.numerics.so3 import exp
 from tdfscal.records import FloatArray, PointSet
-from tdfscal.trackercal import PointRegistration, register
+from tdfscal.trackercal.best_fit import PointRegistration, register
 from tests.words import in_words
 
 from .world import chi2_bounds, error_vector, points, rotation, squared

@@ -52,7 +52,7 @@ from tdfscal.significance import INTERVAL_COVERAGE
 if TYPE_CHECKING:
     from tdfscal.comparison.compatibility import Joint
     from tdfscal.motioncal.pipeline import MotionCalibration
-    from tdfscal.trackercal import TrackerCalibration
+    from tdfscal.trackercal.pipeline import TrackerCalibration
 
 
 @record

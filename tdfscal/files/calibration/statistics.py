@@ -23,7 +23,7 @@ from tdfscal.selfcal.pipeline import SelfCalibration
 if TYPE_CHECKING:
     from tdfscal.acceptance import Conformity
     from tdfscal.motioncal.pipeline import MotionCalibration
-    from tdfscal.trackercal import TrackerCalibration
+    from tdfscal.trackercal.pipeline import TrackerCalibration
 
 #: Dwells that a file keeps for a figure, at most.
 _LOOKED_AT = 2000
