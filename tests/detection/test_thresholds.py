@@ -7,7 +7,7 @@ from scipy.special import ndtri
 from scipy.stats import binom
 
 from tdfscal.detection.noise import LowPass, measured_noise
-from tdfscal.detection.threshold import Noise, Places, Watch, crossing_probability, crossings
+from tdfscal.detection.threshold import Noise, Places, Watch, crossing_probability
 from tdfscal.records import FloatArray
 
 LEVELS = np.array([0.0, 1.0, 2.5, 4.0])
@@ -59,13 +59,6 @@ def test_paths_stop_and_see_as_often_as_stated(fast: float, slow: float, systema
     low, high = binom.interval(0.9999, trials, probability)
     assert 0.96 * low <= stopped <= 1.04 * high
     assert np.mean(seen) == pytest.approx(0.95, abs=0.012)
-
-
-def test_slow_noise_crosses_less_often_than_its_samples_alone_would() -> None:
-    white = crossings(Noise(1.0, 0.0, 0.0, 1.0, 0.01))
-    mixed = crossings(Noise(np.sqrt(0.5), 0.0, np.sqrt(0.5), 5.0, 0.01))
-    level = np.array([3.0])
-    assert mixed.at(level)[0] < white.at(level)[0]
 
 
 def test_the_filter_is_scipys_butterworth() -> None:

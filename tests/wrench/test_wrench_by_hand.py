@@ -127,6 +127,3 @@ def test_readings_that_are_no_numbers_are_left_out_and_counted(together: bool) -
     assert 50 not in np.round(100 * time).astype(int)
     assert tally.unreadable == 2
     assert tally.used == len(time) == 98
-
-
-# Filters.
