@@ -242,18 +242,11 @@ class Joint:
     """The joint estimate of two calibrations of the same sensors.
 
     test : the consistency test that comes first; its verdict gates the result: rotations of an
-    inconsistent pair describe neither. weight : (n, 3), share of the second estimate (the tracker)
-    in each component of d in the BCS, 0 … 1 where uncorrelated.
+    inconsistent pair describe neither.
     """
 
     rotations: Rotations
     test: Comparison
-    weight: FloatArray
-
-    @property
-    def rpy_std(self) -> FloatArray:
-        """Standard uncertainty (n, 3), rad, of roll, pitch, yaw."""
-        return rpy_std(self.rotations)
 
 
 def combine(self_calibration: Rotations, tracker: Rotations) -> Joint:
@@ -277,5 +270,4 @@ def combine(self_calibration: Rotations, tracker: Rotations) -> Joint:
         away = [so3.log(each.rotation @ np.swapaxes(X, 1, 2)).ravel() for each in both]
         score = informations[0] @ away[0] + informations[1] @ away[1]
         X = so3.project(so3.exp((covariance @ score).reshape(-1, 3)) @ X)
-    share = np.diag(covariance @ informations[1]).reshape(-1, 3)
-    return Joint(Rotations(self_calibration.supports, X, covariance), test, share)
+    return Joint(Rotations(self_calibration.supports, X, covariance), test)

@@ -143,6 +143,7 @@ def from_joint(
     the rotations that the tracker has moved.
     """
     R, C = both.rotations.rotation, both.rotations.covariance
+    std = np.sqrt(so3.rpy_variance(R, C))
     given = own.estimate.calibrated_at(C, R)
     parts = _own_parts(own, origin)
     parts |= {
@@ -169,7 +170,7 @@ def from_joint(
     exact += [one.by(follow @ of_tracker) for one in tracker.exact]
     return _file(
         origin,
-        Angles(R, C, np.all(both.rpy_std < own.rig.acceptance.identifiable, axis=1)),
+        Angles(R, C, np.all(std < own.rig.acceptance.identifiable, axis=1)),
         findings,
         {
             "self-calibration": so3.rpy_variance(R, of_self @ C),
