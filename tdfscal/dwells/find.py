@@ -14,7 +14,7 @@ from tdfscal.dwells.clock_offset import misaligned, motion_offset, with_offset
 from tdfscal.dwells.dwell_means import Extent, Moments, Thermometer, dwell_moments, still_since
 from tdfscal.dwells.field import SHORTEST, Field, prepare, within
 from tdfscal.dwells.noise_level import runs
-from tdfscal.dwells.search import INTERRUPTED, search
+from tdfscal.dwells.search import WRONG, search
 from tdfscal.errors import DataError, expect
 from tdfscal.findings import Finding, Value
 from tdfscal.records import Absence, BoolArray, Dwells, FloatArray, IntArray, LeftOut, Log
@@ -102,7 +102,7 @@ def _with_statistics(field: Field, extents: list[Extent], left_out: list[LeftOut
     moments = dwell_moments(bins, extents)
     found = _drifts(field, extents, moments)
     middle, low, high = (x.transpose(1, 2, 0) for x in (bins.mean[:, n:], bins.low, bins.high))
-    if wrong := [out.start for out in left_out if out.reason.code == INTERRUPTED]:
+    if wrong := [out.start for out in left_out if out.reason.code in WRONG]:
         found.append(Finding("readings-return", size=len(wrong), values={"first": min(wrong)}))
     return Dwells(
         supports=bins.supports,

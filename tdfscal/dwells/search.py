@@ -14,9 +14,9 @@ from tdfscal.findings import Finding, Value
 from tdfscal.records import FloatArray, IntArray, LeftOut
 from tdfscal.significance import SAME_LEVEL
 
-INTERRUPTED = "stop-interrupted"  # code of wrong readings that are left out amid a dwell
-_WRONG = Finding(INTERRUPTED)
+_WRONG = Finding("stop-interrupted")  # readings that are left out amid a dwell
 _JOLT = Finding("stop-jolted")
+WRONG = (_WRONG.code, _JOLT.code)
 
 _MENTIONED = 0.1  # s; shorter moments of rest within a move are not worth a line
 _BRIEF = 1.0  # s; pauses between stretches of rest that are looked at together

@@ -1,7 +1,8 @@
 """The streams of a file as its pieces pass: clocks, sizes, lone readings; those of recorders.
 
-A reading stands alone where it is far off those before and after it, which agree. No terminal of
-hundreds of kilograms moves so: the recorder, the bus or an edit has spoilt a cell.
+A reading stands alone, or a few together, where they are far off those before and after them, which
+agree. No terminal of hundreds of kilograms moves so: the recorder, the bus or an edit has spoilt
+cells.
 
 Each of several recorders is read twice: in short bins, for the search for the clocks; then merged,
 on the clock of the first.
@@ -37,6 +38,7 @@ _GLANCE, _ENOUGH = 16, 64  # of so many steps, one shows how large they are; so 
 _UNUSUAL = 10.0  # a step / the usual one, from which on a reading is looked at
 _FAR = 8.0  # a reading's distance / the largest step near it
 _NEAR = 8  # steps looked at on either side
+_RUN, _TOGETHER = 0.1, 10  # time, s, and samples of a few that stand alone together, at most
 _EXACT = 1e-5  # of the largest reading: steps of a signal without noise
 
 
@@ -180,10 +182,11 @@ class LoneReadings:
         # Mean size of some of the steps.
         usual = np.abs(step[:: max(min(_GLANCE, len(step) // _ENOUGH), 1)]).mean(axis=0)
         unusual = np.maximum(step.max(axis=0), -step.min(axis=0)) > _UNUSUAL * usual
+        most = int(np.clip(_RUN * (len(time) - 1) / max(time[-1] - time[0], _RUN), 1, _TOGETHER))
         found = [
             (k, axis)
             for axis in np.flatnonzero(unusual)
-            for k in _lone(value[:, axis], usual[axis])
+            for k in _lone(value[:, axis], usual[axis], most)
         ]
         if not found:
             return None
@@ -209,24 +212,26 @@ class LoneReadings:
         return Finding("readings-alone", (self.signal.support,), self.count, values=values)
 
 
-def _lone(value: FloatArray, usual: float) -> Iterator[int]:
-    """Samples of an axis (N,) that stand alone; usual : size of its steps."""
+def _lone(value: FloatArray, usual: float, most: int) -> Iterator[int]:
+    """Samples of an axis (N,) that stand alone, `most` together at most; usual : its steps."""
     step, limit = np.diff(value), _UNUSUAL * usual
-    up, down = step > limit, step < -limit
-    candidates: IntArray = np.flatnonzero((up[:-1] & down[1:]) | (down[:-1] & up[1:])) + 1
-    if not candidates.size:
-        return
     size = np.abs(step)
-    quiet = size.copy()
-    quiet[candidates - 1] = quiet[candidates] = 0.0
+    edges: IntArray = np.flatnonzero(size > limit)
+    quiet = np.delete(size, edges)
     least = quiet.min(initial=np.inf, where=quiet > 0.0)
     if not np.isfinite(least):
         least = _EXACT * np.abs(value).max()
-    for k in candidates.tolist():
-        around = np.concatenate([size[max(k - 1 - _NEAR, 0) : k - 1], size[k + 1 : k + 1 + _NEAR]])
-        across = abs(value[k + 1] - value[k - 1])
-        if min(size[k - 1], size[k]) > _FAR * max(around.max(initial=0.0), across, least):
-            yield k
+    last = -1
+    for number, first in enumerate(edges.tolist()):
+        for end in edges[number + 1 : number + 1 + most].tolist():
+            if first < last or end - first > most:
+                break
+            near = size[max(first - _NEAR, 0) : first], size[end + 1 : end + 1 + _NEAR]
+            across = abs(value[end + 1] - value[first])
+            around = max(near[0].max(initial=0.0), near[1].max(initial=0.0), across, least)
+            if step[first] * step[end] < 0 and min(size[first], size[end]) > _FAR * around:
+                yield from range(first + 1, end + 1)
+                last = end
 
 
 Reading = Callable[[], "Iterator[Log]"]

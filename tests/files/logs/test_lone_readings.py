@@ -52,6 +52,25 @@ def test_a_spoilt_cell_moves_nothing(campaign: Path, column: int, cell: str, par
     np.testing.assert_allclose(found.position, whole.position, rtol=0, atol=1e-7)
 
 
+@pytest.mark.parametrize("size", [300.0, 9999.0])
+@pytest.mark.parametrize("count", [2, 5, 10])
+def test_a_few_wild_readings_together_are_left_out(campaign: Path, size: float, count: int) -> None:
+    """In three stops; of what lasts longer than 0.1 s the dwell search says that it returns."""
+    lines = (campaign / "log.csv").read_text().splitlines()
+    _, whole = read(campaign, lines, "whole.csv")
+    times = np.array([float(line.split(",")[0]) for line in lines[1:]])
+    for k in (0, 1, 2):
+        for row in np.searchsorted(times, (whole.start[k] + whole.end[k]) / 2) + np.arange(count):
+            cells = lines[row + 1].split(",")
+            cells[6] = str(size if size > 1e3 else float(cells[6]) + size)
+            lines[row + 1] = ",".join(cells)
+    spoilt, found = read(campaign, lines, "wild.csv")
+    told = spoilt.findings or found.findings
+    assert [one.size for one in told] == [3 if count > 0.1 / np.diff(times).mean() else 3 * count]
+    assert len(found) == len(whole)
+    assert np.abs(found.force - whole.force).max() < 0.5
+
+
 @pytest.mark.parametrize(
     ("row", "jump"), [(0, 1.8e9), (1000, -1.8e9), (1000, 1e300), (1999, 1.8e9)]
 )
