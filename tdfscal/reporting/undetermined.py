@@ -64,7 +64,7 @@ def undetermined_report(attempt: Attempt) -> Report:
         claim="No angle is given, and no calibration file was written.",
         reasons=(f"{error.where}: {error.what}" if error.where else error.what,),
         sections=(
-            *([_turns(seen), *_evidence(seen)] if seen else ()),
+            *([_turns(seen, error.finding.code), *_evidence(seen)] if seen else ()),
             *([campaign(stated_facts(rig.rig, when), rig.rig)] if when else []),
             origin,
         ),
@@ -83,8 +83,9 @@ def _advice(attempt: Attempt) -> Iterator[str]:
     yield from (begun(text, ".") for text in (own, *others) if text)
 
 
-def _turns(seen: Undetermined) -> Section:
-    """Every turn with its standard uncertainty; what each weak one lacks."""
+def _turns(seen: Undetermined, code: str) -> Section:
+    """Every turn with its standard uncertainty; what each weak one lacks; code : of the error."""
+    within = "Within either of the two mountings" * (code == "mountings-alike")
     rows = tuple(
         (turn.support, turn.angle, _known(turn.std), "yes" if turn.identified else "NO")
         for turn in seen.observability.angles
@@ -94,7 +95,7 @@ def _turns(seen: Undetermined) -> Section:
     for weakness in seen.observability.weak:
         causes.setdefault(sentence(weakness.finding), []).append(weakness.angle.name)
     lacking = (f"{', '.join(names)}: {cause}" for cause, names in causes.items())
-    blocks: tuple[Block, ...] = Table("", header, rows, left=2), *layout.listed("", lacking)
+    blocks: tuple[Block, ...] = Table(within, header, rows, left=2), *layout.listed("", lacking)
     return Section("What the data determine", blocks)
 
 
