@@ -13,6 +13,7 @@ from tdfscal.findings import Finding
 
 #: A number as a computer writes it; not a part of a name or a path.
 _EXPONENT = re.compile(r"(?<![\w./-])([-+]?\d[\d.]*)e([-+]\d\d+)(?![\w/]|\.\w)")
+_LONG = re.compile(r"(\S{120})\S{400,}?(\S{0,20}(?!\S))")
 #: Powers of ten from which on the digits of a number are too many to be read.
 _UNREADABLE = 16
 
@@ -42,6 +43,11 @@ def visible(text: str) -> str:
         c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode("ascii")
         for c in text
     )
+
+
+def without_tails(text: str) -> str:
+    """Text for people: of words longer than any path that is read, the begin."""
+    return _LONG.sub(r"\1…\2", text)
 
 
 #: What a finding says, where, and what to do about it; the catalogue of findings gives these words.
@@ -90,7 +96,7 @@ class TdfscalError(Exception):
         self.fields, self.findings = tuple(fields), findings
         place = f"{where}: " if where else ""
         advice = f" {hint[0].upper()}{hint[1:]}." if hint else ""
-        super().__init__(without_exponent(visible(f"{place}{what}.{advice}")))
+        super().__init__(without_exponent(visible(without_tails(f"{place}{what}.{advice}"))))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self).__new__, (type(self), *self.args), self.__dict__

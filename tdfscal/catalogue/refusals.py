@@ -273,7 +273,7 @@ points-at-instrument refuses
   a measured point lies in the origin of the tracker's frame
   -> export the measured points in the instrument's own frame
 registration-few refuses
-  {number:.0f} points in {groups} group(s) do not determine a rotation
+  points that determine a rotation are too few: {number:.0f}, groups {groups}
   -> measure three points that do not lie on one line
 registration-unsettled refuses
   the registration found no minimum

@@ -17,7 +17,7 @@ import typer.main
 
 from tdfscal import __version__
 from tdfscal.cli.process import ended, failed, leave_stdout, perform, unwritten
-from tdfscal.errors import UsageError
+from tdfscal.errors import UsageError, without_tails
 
 if TYPE_CHECKING:
     from tdfscal.commands.options import Command, Described
@@ -198,4 +198,4 @@ def _mistake(error: Any) -> str:
     path = getattr(getattr(error, "ctx", None), "command_path", " ".join(["tdfscal", *named]))
     example = getattr(getattr(getattr(error, "ctx", None), "command", None), "epilog", None)
     shown = f" {example}." if example and "Missing" in said else ""
-    return f"{said}.{shown} '{path} --help' lists what it takes."
+    return f"{without_tails(said)}.{shown} '{path} --help' lists what it takes."

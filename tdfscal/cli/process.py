@@ -6,6 +6,7 @@ unnoticed, a result may not.
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import errno
 import os
@@ -125,8 +126,25 @@ def _prepare_streams() -> None:
         if stream is None:
             _closed.add(name)
             setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
-        elif name == "stdout" and hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="replace")
+        elif name != "stdin" and hasattr(stream, "reconfigure"):
+            codecs.register_error("plain", _in_plain_letters)
+            stream.reconfigure(errors="plain")
+
+
+#: Letters that a console may lack, and what is printed there.
+_PLAIN = str.maketrans(
+    {"µ": "u", "±": "+-", "…": "...", "–": "-", "−": "-", "°": " deg", "·": "*", "²": "^2",
+     "√": "sqrt ", "→": "->", "≥": ">=", "≤": "<=", "×": "x", "χ": "chi",
+     "∞": "inf", "⁻": "^-", "¹": "1"}
+)  # fmt: skip
+
+
+def _in_plain_letters(fault: UnicodeError) -> tuple[str, int]:
+    """Replace what an encoding lacks by letters that mean the same, else by ?."""
+    if not isinstance(fault, UnicodeEncodeError):
+        raise fault
+    told = fault.object[fault.start : fault.end].translate(_PLAIN)
+    return told.encode("ascii", "replace").decode(), fault.end
 
 
 def hand_over(text: str) -> None:

@@ -105,6 +105,9 @@ def parse_document(
 
 def as_path(given: str | PathLike[str]) -> Path:
     """Return a path. Raises UsageError for what names no file."""
+    if str(given).startswith("~/"):
+        what, hint = "`~` stands for no folder here", "write the path out, or use Path.expanduser"
+        raise UsageError(what, where=shorten(str(given), 300), hint=hint)
     if given == "":  # as a path it would be the folder of now
         raise UsageError("a path is empty", hint="name the file or folder")
     try:
@@ -117,7 +120,7 @@ def as_path(given: str | PathLike[str]) -> Path:
             raise unreadable(path, fault) from fault
     # One that a shell opened has no name of its own, and a writer.
     if path.is_fifo() and path.resolve().is_fifo():
-        hint = "name a file, or - for standard input"
+        hint = "copy it to a file"
         raise UsageError("is a pipe, which may never end", where=str(path), hint=hint)
     return path
 

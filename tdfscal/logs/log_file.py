@@ -30,6 +30,7 @@ AGAIN: Final = "record or copy it again"
 EMPTY: Final = "leave the file out, or record the log again"
 """What to do about a file of which nothing is whole."""
 _SHORTEST: Final = 8  # bytes; no log has fewer
+_DOCUMENTS = (b"<html", b"<!doc", b"<?xml", b'{"', b"{\n")
 LIBRARY_FAULTS: Final = (OSError, EOFError, ValueError, OverflowError, struct.error)
 """What libraries raise on bytes that are not what they should be."""
 
@@ -223,6 +224,9 @@ class LogFile(ABC):
                 opening = file.read(max(len(self.mark), _SHORTEST))
             if not opening.strip():
                 raise DataError("the file is empty", hint=AGAIN)
+            if opening.lstrip().lower().startswith(_DOCUMENTS):
+                what = "the file is a page (HTML, XML) or a JSON document, not a recording"
+                raise DataError(what, hint="see what was downloaded or exported there")
             if len(opening) < max(len(self.mark), _SHORTEST):
                 raise DataError("the file was cut short in its first bytes", hint=AGAIN)
             if not opening.startswith(self.mark):

@@ -130,6 +130,8 @@ def decoded(head: bytes) -> str:
     Raises DataError where the text is UTF-16, UTF-32 or none at all.
     """
     opening = head[:_OPENING]
+    if not opening.strip(b"\0"):
+        raise DataError("the file holds nothing but zeros: nothing was written to it", hint=AGAIN)
     # ASCII as UTF-16 has a NUL in every second byte.
     if head.startswith((b"\xff\xfe", b"\xfe\xff")) or opening.count(0) > 0.4 * len(opening) > 0:
         raise DataError("the text is UTF-16 or UTF-32", hint="export it as UTF-8")

@@ -229,7 +229,7 @@ def _refuse_undetermined(
     if smallest < LARGEST_MEANINGFUL_STD**-2:
         axis = direction * np.sign(direction @ [1.0, 1e-3, 1e-6])
         facts: dict[str, Value] = {
-            "axis": [f"{c:.3f}" for c in axis],
+            "axis": [f"{round(c, 3) + 0.0:.3f}" for c in axis],
             "bounded": bool(smallest > 0),
         }
         size = float(smallest**-0.5) if smallest > 0 else 0.0

@@ -19,7 +19,11 @@ _ALL_PERMUTATIONS_UP_TO = 6  # 720; beyond it, points are told apart by their so
 LISTED = 8
 """Names that a message lists at most."""
 _MOST_COMPARED = 1000  # points whose distances to all others are looked at
-_UNITS = {"mm read as m": 1000.0, "inches read as mm": 25.4, "inches read as m": 1000 / 25.4}
+_UNITS = {
+    "mm read as m": 1000.0,
+    "inches read as mm": 25.4,
+    "inches read as m": 1000 / 25.4,
+}
 _UNITS |= {"µm read as mm": 1000.0, "µm read as m": 1e6}
 
 
@@ -177,7 +181,8 @@ def unit_mistake(points: MatchedPoints) -> str | None:
     for text, factor in _UNITS.items():
         for name, ratio in ratios.items():
             if abs(ratio / factor - 1) < 0.02:
-                return f"the {name} points are {ratio:.4g} times as large as the others: {text}?"
+                size = f"{ratio:.4g} times as large as the others"
+                return f"the {name} points are {size}, as with {text}"
     return None
 
 

@@ -92,6 +92,9 @@ def test_a_result_is_utf8_on_any_terminal(cli: Cli, monkeypatch: pytest.MonkeyPa
         patch.setattr(sys, "stdout", io.TextIOWrapper(raw, encoding="ascii"))
         cli("report", "own.yaml", "--json", ends=0)
         assert json.loads(raw.getvalue())["calibrations"][0]["convention"].count("·") == 4
+        raw.seek(raw.truncate(0))
+        cli("report", "own.yaml", ends=0)
+        assert (raw.getvalue().count(b" +- ") > 8, b"?" in raw.getvalue()) == (True, False)
 
 
 def program(*words: object, cwd: Path) -> subprocess.Popen[str]:

@@ -107,7 +107,7 @@ BAD = {
     "no header": ("P1,1,2,3\n", "line 1.*names the columns.*P1, 1, 2, 3.*group,point,x,y,z"),
     "nan": (HEAD + "ncp1,P1,1,2,3\nncp1,P2,nan,2,3\n", "line 3.*finite"),
     "no length": (HEAD + "ncp1,P1,1,2,3\nncp1,P2,1e300,2,3\n", "line 3.*1e300"),
-    "too large": (HEAD + "ncp1,P1,1,1e999,3\n", "line 2.*finite"),
+    "too large": (HEAD + "ncp1,P1,1,1e999,3\n", "line 2.*beyond any length"),
     "underscore": (HEAD + "ncp1,P1,1,1_0,3\n", "line 2.*`1_0`"),
     "blank": (HEAD + "ncp1,P1,1,,3\n", "line 2"),
     "twice": (HEAD + "ncp1,P1,1,2,3\n\nncp1,P1,1,2,4\n", "line 4.*ncp1/P1.*line 2"),

@@ -126,7 +126,12 @@ class Table:
             if _NUMBER.fullmatch(text) and abs(float(text)) <= LARGEST:
                 return float(text)
             if cell or not blank:
-                self.refuse(row, f"`{cell}` is not a finite number", "check the line")
+                what = (
+                    "is beyond any length" if _NUMBER.fullmatch(text) else "is not a finite number"
+                )
+                self.refuse(
+                    row, f"`{cell}` {what}" if cell else "a cell is empty", "check the line"
+                )
             return np.nan
 
         return np.array([[number(k, cell) for cell in c] for k, c in enumerate(self.texts(*roles))])

@@ -168,6 +168,9 @@ def test_unit_in_brackets_is_honoured_or_checked(tmp_path: Path) -> None:
         (text(HEADER, *ROWS).decode().encode("utf-16-be"), "the text is UTF-16"),
         (b"x," * 200_000, "the first line is longer than 256 KiB"),
         (bytes(range(256)) * 16, "the file is not text"),
+        (bytes(1000), "nothing but zeros"),
+        (b"<html><body>404</body></html>", "HTML"),
+        (b'{"a":1}', "JSON"),
     ],
 )
 def test_faults_are_named(tmp_path: Path, content: bytes, match: str) -> None:
