@@ -23,7 +23,7 @@ from tdfscal.findings import Finding, Value
 from tdfscal.frozen import field, record, replace
 from tdfscal.model.parameters import layout
 from tdfscal.numerics.least_squares import ask_beside
-from tdfscal.records import ANGLES, BoolArray, Drift, FloatArray, Rig
+from tdfscal.records import ANGLES, Drift, FloatArray, Rig
 from tdfscal.significance import (
     CAUSES_APART,
     CERTAIN_SHIFT,
@@ -178,19 +178,6 @@ def worst_angle(rig: Rig, known: Uncertainty, move: FloatArray) -> tuple[float, 
     return float(shift[worst]), float(abs(move[worst])), angle
 
 
-def worst_zero(
-    rig: Rig, known: Uncertainty, active: BoolArray, move: FloatArray
-) -> tuple[float, str]:
-    """Largest move of a zero in its standard uncertainties, and which; active : (P,)."""
-    place, full = layout(rig.n)["zero"], np.zeros(len(active))
-    full[active] = move
-    std = known.parameter_std[place]
-    free = np.isfinite(std) & (std > 0)
-    size = np.where(free, np.abs(full[place]) / np.where(free, std, 1.0), 0.0)
-    worst = int(np.argmax(size))
-    return float(size[worst]), f"{'xyz'[worst % 3]} of {rig.supports[worst // 3]}"
-
-
 def likeliest(found: list[Suspicion]) -> tuple[Suspicion, ...]:
     """The likeliest suspicion, and those that are about as likely."""
     # What one axis explains about as well as all three is of that axis.
@@ -219,6 +206,9 @@ def speaking(
     others = (1 - UNDECLARED_GRAVITY_SHARE - other) / max(1, len(suspects) - 1)
     p, found = int(fit.active.sum()), list[Suspicion]()
     share = dof / max(fit.rows, 1)  # of the noise, that the fit leaves in the residual
+    zeros = layout(fit.rig.n)["zero"]
+    std = of.uncertainty.parameter_std[zeros]
+    std = np.where(np.isfinite(std) & (std > 0), std, np.inf)
     pulled = parts.left.T @ residual - share * parts.root[:p].T @ fit.noise_pull[fit.active]
     for group, index, columns, unit, own in suspects:
         level = UNDECLARED_ERROR * (UNDECLARED_GRAVITY_SHARE if group == "tilt" else others)
@@ -232,8 +222,12 @@ def speaking(
         move = parts.root[:p] @ (known @ asked.amount)
         size, weight = float(np.abs(asked.amount * unit).max()), asked.weight(fit.rows)
         doubt = suspicion(fit.rig, of.uncertainty, group, index, size, move, p_value, weight)
-        zero_shift, zero = worst_zero(fit.rig, of.uncertainty, fit.active, move)
-        found.append(replace(doubt, zero_shift=zero_shift, zero=zero, move=move))
+        moved = np.zeros(len(fit.active))
+        moved[fit.active] = move
+        shift = np.abs(moved[zeros]) / std
+        k = int(np.argmax(shift))
+        name = f"{'xyz'[k % 3]} of {fit.rig.supports[k // 3]}"
+        found.append(replace(doubt, zero_shift=float(shift[k]), zero=name, move=move))
     return found
 
 

@@ -79,7 +79,12 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     index = np.flatnonzero(screened.keep)
     if len(index) == 0:
         raise DataError(Finding("postures-unusable"), findings=(screened.reasons[0],))
-    _check_temperature(rig, dwells)
+    warmth = dwells.temperature
+    if rig.drift.temperature > 0 and warmth is None:
+        raise RigError(Finding("temperature-missing"))
+    if rig.drift.temperature > 0 and warmth is not None and np.any(np.ptp(warmth, axis=0) == 0):
+        constant = float(warmth[0].min())
+        raise DataError(Finding("temperature-constant", size=constant, unit="°C"))
     observed = postures(rig, dwells).subset(index)
     scatter = np.diagonal(observed.force_cov, axis1=2, axis2=3)[:, observed.measured]
     measured_noise = bool(scatter.min(initial=np.inf) <= 0)
@@ -88,20 +93,9 @@ def usable_postures(rig: Rig, dwells: Dwells) -> Usable:
     if measured_noise:
         observed = _with_residual_noise(rig, observed, start.state)
     time = ((dwells.start + dwells.end) / 2)[index]
-    warmth = None if dwells.temperature is None else dwells.temperature[index]
+    warmth = None if warmth is None else warmth[index]
     reasons = dict(screened.reasons)
     return Usable(observed, index, time, warmth, reasons, start.state)
-
-
-def _check_temperature(rig: Rig, dwells: Dwells) -> None:
-    """Raise where zeros are to follow a temperature that nobody recorded, or that never changes."""
-    if not rig.drift.temperature > 0:
-        return
-    if dwells.temperature is None:
-        raise RigError(Finding("temperature-missing"))
-    if np.any(np.ptp(dwells.temperature, axis=0) == 0):
-        constant = float(dwells.temperature[0].min())
-        raise DataError(Finding("temperature-constant", size=constant, unit="°C"))
 
 
 def _with_noise(observed: Postures, level: float) -> Postures:
