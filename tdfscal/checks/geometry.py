@@ -122,10 +122,10 @@ class Cause:
         """What coordinates x, y, z are to be multiplied by, no finer than it is known; or none."""
         if self.kind != "scale" and FROM_ZERO not in self.kind:
             return []
-        digits = 1 - np.floor(np.log10(np.min(self.std)))
+        digits = np.clip(1 - np.floor(np.log10(self.std * np.ones(3))), 2, 7)
         size = self.clear * np.ones(3)  # of the terminal, or of what is logged
         factors = 1.0 / (1.0 + size) if self.kind == "scale" else 1.0 - size
-        return [round(float(each), int(np.clip(digits, 2, 7))) for each in factors]
+        return [round(float(each), int(n)) for each, n in zip(factors, digits, strict=True)]
 
     @property
     def errors(self) -> dict[str, FloatArray]:
