@@ -64,7 +64,7 @@ def _file(contents: Contents) -> Iterator[str]:
     total = sum(stream.count for stream in contents.streams)
     what = "messages" if contents.by_topic else "rows"
     yield from wrapped(visible(str(contents.path)))
-    yield f"{_KINDS[contents.format]}, {contents.bytes:,} bytes, {total} {what}"
+    yield f"{_KINDS[contents.format]}, {contents.bytes:,} bytes, {total} {what}; ranges of samples"
     for stream in contents.streams:
         yield ""
         if contents.by_topic:
