@@ -152,9 +152,8 @@ def validate(
     Raises
     ------
     DataError
-        There is no dwell, the positions do not fit the hinges, a sensor is dead or saturated, no
-        noise is stated anywhere, or the forces are not what their fields are called, or in
-        another unit.
+        There is no dwell, positions do not fit the hinges, a sensor is dead or saturated, no noise
+        is stated, or forces are not what their fields are called, or in another unit.
     """
     rig = rig or given.rig
     given = with_own_load(given, rig)
@@ -163,15 +162,7 @@ def validate(
     observed, found = _with_noise(every.subset(used), noise)
     middle = (dwells.start + dwells.end)[used] / 2
     warm = None if dwells.temperature is None else dwells.temperature[used]
-    course, calibrated = Course(middle, warm), given
-
-    def tested(
-        seen: Postures, which: IntArray
-    ) -> tuple[tuple[Balance, FloatArray, Linearised], Judged, Zeros]:
-        found = _linearised(calibrated, known.scaled(seen), course.subset(which))
-        weigh = partial(judged_by, known=known)
-        return found, *judged_with_zeros(found[2], calibrated, rig, weigh)
-
+    tested = partial(_tested, given, rig, known, Course(middle, warm))
     (balanced, slopes, at), judged, zeros = tested(observed, np.arange(len(used)))
     if not judged.holds:
         rests = Rests(used + 1, dwells.start[used])
@@ -215,6 +206,15 @@ def _postures(
     if len(left_out) == len(dwells):
         raise DataError(Finding("dwells-unusable"), findings=tuple(reasons.values())[:1])
     return every, left_out
+
+
+def _tested(
+    given: Calibrated, rig: Rig, known: KnownNoise, course: Course, seen: Postures, which: IntArray
+) -> tuple[tuple[Balance, FloatArray, Linearised], Judged, Zeros]:
+    """Postures at the calibration, judged by its zeros or new ones; which : of the course's."""
+    found = _linearised(given, known.scaled(seen), course.subset(which))
+    weigh = partial(judged_by, known=known)
+    return found, *judged_with_zeros(found[2], given, rig, weigh)
 
 
 def judged_by(white: Whitened, known: KnownNoise = AS_STATED) -> Judged:
