@@ -114,7 +114,7 @@ def as_path(given: str | PathLike[str]) -> Path:
         path = Path(given)
         path.lstat()
     except TypeError:
-        raise UsageError(f"{shorten(repr(given), 40)} names no file", hint="give a path") from None
+        raise UsageError(f"{as_written(given)} names no file", hint="give a path") from None
     except (ValueError, OSError) as fault:
         if isinstance(fault, ValueError) or fault.errno == errno.ENAMETOOLONG:
             raise unreadable(path, fault) from fault

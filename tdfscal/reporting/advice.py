@@ -115,9 +115,10 @@ def _proof(c: Calibration) -> str:
     elif c.command.startswith("tdfscal."):  # as Python names it
         how = "tdfscal.validate(calibration, log)"
     else:
-        named = re.search(r"(?:-o|--output)[= ]('[^']+'|[^ '-][^ ]*)", c.command)
+        named = re.search(r"(?:-o|--output)[= ]('[^']+'|(?!- |-$)[^ ']+)", c.command)
         usual = "calibration.yaml" if c.command.startswith("tdfscal calibrate") else "CALIBRATION"
-        how = f"tdfscal validate {named[1] if named else usual} LOG"
+        file = named[1] if named else usual
+        how = f"tdfscal validate {'./' * file.startswith('-')}{file} LOG"
     return f"Check {new} every month: `{how}`"
 
 

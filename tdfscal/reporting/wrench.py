@@ -31,7 +31,7 @@ def wrench_report(summary: dict[str, Any], findings: Sequence[Finding] = ()) -> 
     about = place_of(summary["about"])
     return Report(
         f"Contact wrench of {summary['rows']} samples",
-        f"{summary['start']:.6g} to {summary['end']:.6g} s, {way}; LCS, moments about {about}",
+        f"{when(summary['start'])} to {when(summary['end'])}, {way}; LCS, moments about {about}",
         claim=_filter(summary["filter"]),
         sections=(Section("", (by_component(shown), " ".join(_said(summary)))),),
         warnings=tuple(map(told, findings)),
