@@ -10,7 +10,7 @@ from tdfscal.model.parameters import deviation, layout
 from tdfscal.model.statics import balance, postures
 from tdfscal.records import DeclaredUncertainty
 from tdfscal.selfcal.estimator import fit
-from tdfscal.selfcal.score_tests import suspicions
+from tdfscal.selfcal.score_tests import best_variance, suspicions
 from tdfscal.simulation import Options, Recorder, make_rig, reference_rig, simulate_dwells
 from tests.selfcal.test_statics import true_state
 
@@ -72,3 +72,12 @@ def test_the_pull_of_noise_is_what_small_changes_of_readings_and_positions_make(
     assert np.allclose(
         found / scale, expected / scale, rtol=0, atol=1e-7 * np.abs(found / scale).max()
     )
+
+
+def test_what_the_parameters_follow_asks_for_no_variance() -> None:
+    """Of nine columns the parameters follow eight: the ninth alone speaks, by a closed form."""
+    square = 6.25
+    white = np.array([[0.0] * 8 + [np.sqrt(square), 0.0, 0.0, 0.0]])
+    theta, gain = best_variance(np.eye(12, 9)[None], white, np.eye(12, 8)[None])
+    assert theta == pytest.approx(square - 1, rel=1e-3)
+    assert gain == pytest.approx(square - 1 - np.log(square), rel=1e-6)
