@@ -137,7 +137,7 @@ def test_times_in_milliseconds_are_named() -> None:
         return Series(series.time * 1e3, series.value)
 
     late = replace(log, position=tuple(map(ms, log.position)), force=tuple(map(ms, log.force)))
-    with pytest.raises(DataError, match=r"every 20 s;.*`time.unit` as ms"):
+    with pytest.raises(DataError, match=r"every 20 s;.*`time.unit`, such as ms"):
         find_dwells(late)
 
 
