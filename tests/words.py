@@ -1,9 +1,12 @@
-"""Findings in words, for tests of what is said."""
+"""Findings, in words and of refusals, for tests of what is said."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+import pytest
+
 from tdfscal.catalogue import told
+from tdfscal.errors import DataError
 from tdfscal.files.calibration.parts import FindingResult
 from tdfscal.findings import Finding
 
@@ -22,3 +25,11 @@ def found(text: str, severity: str = "warns") -> dict[str, Any]:
 def texts(document: Mapping[str, Any]) -> list[str]:
     """What the findings of a document say."""
     return [finding["text"] for finding in document["findings"]]
+
+
+def refusal(function: Callable[..., object], *given: Any, **named: Any) -> Finding:
+    """What it is that a call refuses its data for."""
+    with pytest.raises(DataError) as refused:
+        function(*given, **named)
+    assert refused.value.exit_status == 3
+    return refused.value.finding

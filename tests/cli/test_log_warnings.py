@@ -1,4 +1,4 @@
-"""What a log's warnings say reaches the user once, and also where the calibration fails."""
+"""What a log's warnings say reaches the user once; faults of its numbers are refused by name."""
 
 import json
 import os
@@ -14,10 +14,10 @@ import yaml
 from pyarrow import csv
 
 import tdfscal
-from tdfscal.errors import DataError
 from tests.cli.running import SAMPLES, Cli, recorded
-from tests.words import texts
+from tests.words import refusal, texts
 
+FORCES = [f"ncp{i}.f{axis}" for i in (1, 2, 3) for axis in "xyz"]
 REPEATED = "1 repeat the time of the sample before"
 Change = Callable[[pa.Table], pa.Table]
 
@@ -49,6 +49,30 @@ def test_a_warning_is_stored_and_shown_once(campaign: Path, tmp_path: Path, cli:
     assert sum(REPEATED in w for w in texts(validated)) == 1
 
 
+@pytest.mark.parametrize(
+    ("names", "change", "word"),
+    [
+        (
+            ["ncp2.fx"],
+            lambda value: np.where(np.arange(len(value)) == 1234, np.nan, value),
+            "ncp2.fx",
+        ),
+        (FORCES, lambda value: 1e-3 * value, "force_unit"),  # kN read as N
+    ],
+    ids=["NaN", "kN"],
+)
+def test_a_fault_is_refused_without_a_file(
+    names: list[str], change: Callable[[np.ndarray], np.ndarray], word: str,
+    campaign: Path, tmp_path: Path, cli: Cli,
+) -> None:  # fmt: skip
+    edit(campaign, *(set_to(name, change) for name in names))
+    target = tmp_path / "result.yaml"
+    target.write_text("untouched")
+    assert word in cli("calibrate", campaign, "-o", target, "--trials", 0, "-q", ends=3).err
+    assert target.read_text() == "untouched"
+    assert [p.name for p in tmp_path.iterdir() if p.is_file()] == ["result.yaml"]
+
+
 def test_a_copy_in_another_format_is_refused(campaign: Path, tmp_path: Path, cli: Cli) -> None:
     table = pq.read_table(campaign / "log.parquet")
     later = set_to("time", lambda time: time + 12345.678)(table)
@@ -63,11 +87,10 @@ def test_forces_far_behind(campaign: Path, tmp_path: Path, monkeypatch: pytest.M
     seconds = -9.0
     sound = shutil.copytree(campaign, tmp_path / "sound")
     known = tdfscal.calibrate(sound, trials=0)
-    names = [f"ncp{i}.f{axis}" for i in (1, 2, 3) for axis in "xyz"]
     period = np.diff(pq.read_table(campaign / "log.parquet")["time"].to_numpy()[:2])[0]
     edit(
         campaign,
-        *(set_to(name, lambda force: np.roll(force, round(seconds / period))) for name in names),
+        *(set_to(name, lambda force: np.roll(force, round(seconds / period))) for name in FORCES),
     )
     pooled = tdfscal.calibrate([sound, campaign], trials=0)
     assert "balance far better" in next(
@@ -80,10 +103,7 @@ def test_forces_far_behind(campaign: Path, tmp_path: Path, monkeypatch: pytest.M
         lambda: tdfscal.update(known, campaign, trials=0),
         lambda: tdfscal.validate(known, campaign),
     ):
-        with pytest.raises(DataError) as refused:
-            asked()
-        found = refused.value.finding
-        assert found is not None
+        found = refusal(asked)
         assert found.code == "forces-behind"
         assert found.size == pytest.approx(abs(seconds), abs=0.1)
         assert found.values["late"] == (seconds > 0)

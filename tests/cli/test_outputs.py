@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tdfscal.files.outputs import replacing
 from tdfscal.files.saving import write_text
 from tests.cli.running import SAMPLES, Cli, contents
 
@@ -126,3 +127,18 @@ def test_a_run_made_again_replaces_its_own_result_in_the_campaign(home: Path, cl
         assert cli(*line.split()).status == 0, line
     for line in again:
         Path(line.split("-o " if "-o" in line else "--html ")[1].split()[0]).unlink()
+
+
+def test_writing_that_fails_leaves_the_old_file_and_no_trace(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+    path.write_text("old")
+
+    def fail_half_way() -> None:
+        with replacing(path) as beside:
+            beside.write_text("half")
+            raise RuntimeError("beside it" if beside.parent == path.parent else "elsewhere")
+
+    with pytest.raises(RuntimeError, match="beside it"):
+        fail_half_way()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]

@@ -1,4 +1,4 @@
-"""Candidates keep every limit, and their forces are those of a terminal at rest."""
+"""Candidates keep every limit; what a posture tells: against random draws and Eq. 9."""
 
 from dataclasses import replace
 
@@ -7,8 +7,12 @@ import pytest
 
 from tdfscal.commands.plan import travel_limits
 from tdfscal.errors import UsageError
-from tdfscal.planning.candidates import displacement, draw
-from tdfscal.records import DeclaredUncertainty
+from tdfscal.model.parameters import layout
+from tdfscal.model.statics import internal_modes
+from tdfscal.numerics import so3
+from tdfscal.planning.candidates import displacement, draw, hanging
+from tdfscal.planning.predicted_information import Sight, wrench_rows
+from tdfscal.records import DeclaredUncertainty, FloatArray, Rig, UncertainValue
 from tdfscal.simulation import Options, make_rig, reference_rig, simulate_dwells
 
 from .limits import limits
@@ -56,3 +60,58 @@ def test_travel_by_support() -> None:
         travel_limits(rig, "0.1,0.2")
     with pytest.raises(UsageError, match="negative"):
         travel_limits(rig, -0.1)
+
+
+def test_scatter_is_the_expectation_over_random_internal_forces() -> None:
+    rig = make_rig(declared=DeclaredUncertainty(positioner=1e-5, force_noise=0.1))
+    bounds = limits(rig, stiffness=2e7)
+    sight = Sight.of(rig, 1.0)
+    pool = draw(rig, bounds, 1, RNG(0))
+    J = sight.rows(pool)
+    expected = (np.einsum("kmp,kmq->pq", J, J) + sight.scatter(pool, bounds)[0])[:9, :9]
+    arm, _ = hanging(rig, pool.rotation)
+    size, draws = bounds.repeatability_force(rig), 4000
+    unplanned = size * np.einsum(
+        "td,dna->tna", RNG(1).standard_normal((draws, 3)), internal_modes(arm)[0]
+    )
+    many = replace(pool.take(np.zeros(draws, dtype=np.int64)), squeeze=pool.squeeze[0] + unplanned)
+    rows = sight.rows(many)[:, :, :9]
+    each = np.swapaxes(rows, 1, 2) @ rows
+    error = each.std(axis=0) / np.sqrt(draws)
+    # 45 different entries: 4.5 standard errors.
+    assert (np.abs(each.mean(axis=0) - expected) < 4.5 * error + 1e-3 * np.abs(expected)).all()
+
+
+def contact(rig: Rig, R: FloatArray, load: FloatArray, X: FloatArray, z: FloatArray) -> FloatArray:
+    """Eq. 9 at rest, corrected: contact wrench in the LCS about its origin."""
+    F = np.einsum("nab,nb->na", X, load - z) @ R
+    G = R.T @ np.array([0.0, 0.0, -rig.mass.value * rig.gravity])
+    moment = np.cross(rig.hinge, F).sum(axis=0) + np.cross(rig.barycentre.value, G)
+    return -np.concatenate([F.sum(axis=0) + G, moment])
+
+
+def test_wrench_rows_are_the_derivative_of_the_contact_wrench() -> None:
+    rig = replace(reference_rig(), nominal_rpy=np.array([[0, 0, 1.57], [0.1, 0, -2], [0, 0.2, 0]]))
+    rpy = (0.08, -0.05, 0.3)
+    sight = Sight.of(rig, 1.0)
+    W, place = wrench_rows(sight, rpy), layout(3)
+    R, X = so3.from_rpy(np.array(rpy)), so3.from_rpy(rig.nominal_rpy)
+    load = np.einsum("nba,nb->na", X, hanging(rig, R[None])[1][0])
+    z = np.zeros((3, 3))
+    base = contact(rig, R, load, X, z)
+    assert np.abs(base).max() < 1e-9  # at rest, without contact
+    step = 1e-6
+    column = {group: int(np.sum(sight.active[: at.start])) for group, at in place.items()}
+    for i in range(3):
+        for j in range(3):
+            turned = X.copy()
+            turned[i] = so3.exp(step * np.eye(3)[j]) @ X[i]
+            slope = (contact(rig, R, load, turned, z) - base) / step
+            assert np.allclose(-W[:, 3 * i + j], slope, atol=2e-3)  # of 1600 N, step² left out
+            off = z.copy()
+            off[i, j] = step
+            slope = (contact(rig, R, load, X, off) - base) / step
+            assert np.allclose(-W[:, column["zero"] + 3 * i + j], slope, atol=1e-6)
+    heavier = replace(rig, mass=UncertainValue(rig.mass.value + step, rig.mass.std))
+    slope = (contact(heavier, R, load, X, z) - base) / step
+    assert np.allclose(-W[:, column["mass"]], slope, atol=1e-5)

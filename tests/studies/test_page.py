@@ -13,11 +13,12 @@ from typing import Any
 import pytest
 
 from studies import sensitivity
-from studies.__main__ import STUDIES, Asked, perform
+from studies.__main__ import STUDIES, Asked, main, perform
 from studies.statistics import Estimate
 from tdfscal.files.rig.reading import load_rig
+from tests.cli.running import rows
 from tests.docs.pages import text
-from tests.studies.test_command_line import RIG
+from tests.reporting.samples import sketch
 
 RECORDS = Path(__file__).parents[2] / "benchmarks" / "paper"
 #: Fewer runs than the records', of another seed.
@@ -32,8 +33,8 @@ def record(name: str) -> dict[str, Any]:
 
 def cells(document: dict[str, Any]) -> Iterator[tuple[tuple[str, ...], Any]]:
     """Every cell of the tables by table, first words of its row, and column."""
-    for table, rows in document["tables"].items():
-        for row in rows:
+    for table, lines in document["tables"].items():
+        for row in lines:
             words = [cell for cell in row.values() if isinstance(cell, str)]
             for column, cell in row.items():
                 yield (table, *words[:3], column), cell
@@ -94,3 +95,53 @@ def test_other_seeds_agree_within_the_stated_spread(name: str, tmp_path: Path) -
             if abs(other["value"] - cell["value"]) > 4.0 * spread:
                 far.append((place, cell["value"], other["value"], spread))
     assert len(far) <= 0.02 * count, far
+
+
+RIG = Path(__file__).parents[2] / "studies" / "rig.yaml"
+
+
+def test_sensitivity(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sketch(monkeypatch)
+    out = tmp_path / "out"
+    assert main(["sensitivity", str(RIG), "-o", str(out), "--json"]) == 0
+    document = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+    assert document["format"] == "tdfscal-study/1"
+    assert json.loads((out / "study.json").read_text(encoding="utf-8")) == document
+    text = (out / "fig-4.csv").read_text(encoding="utf-8")
+    assert text.startswith("# tdfscal study")
+    (out / "plain.csv").write_text(text.partition("\n")[2], encoding="utf-8")
+    assert max(float(row["force, N"]) for row in rows(out / "plain.csv")) > 80.0
+    assert (out / "fig-4.svg").is_file()
+    assert "<svg" in (out / "study.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("accuracy nowhere -o DIR", "nowhere"),
+        ("accuracy RIG -o DIR --runs 2", "--runs"),
+        ("table2 RIG -o DIR --runs 1", "--runs"),
+        ("docking RIG -o DIR --runs -1", "--runs"),
+        ("causes RIG -o DIR --seed -1", "seed"),
+        ("sensitivity RIG -o DIR --calibration none.yaml", "none.yaml"),
+        ("causes RIG -o DIR --calibration none.yaml", "--calibration"),
+        ("sensitivity RIG -o FOLDER", "other files"),
+        ("sensitivity RIG -o RIG", "is no folder"),
+    ],
+)
+def test_refusals(
+    words: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    line = (
+        words.replace("DIR", str(out)).replace("RIG", str(RIG)).replace("FOLDER", str(RIG.parent))
+    )
+    before = RIG.read_bytes()
+    assert main(line.split()) == 2
+    seen = capsys.readouterr()
+    assert seen.out == ""
+    assert said in seen.err
+    assert not out.exists()
+    assert before == RIG.read_bytes()

@@ -1,6 +1,7 @@
 """`tdfscal apply` and `tdfscal validate` on folders, by the command line."""
 
 import shutil
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,15 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 import tdfscal
 from tdfscal.commands.calibrate import calibrate
+from tdfscal.errors import DataError
 from tdfscal.files.calibration.document import save_calibration
 from tdfscal.files.writers.campaign import write_campaign
+from tdfscal.files.writers.logs import write_wrenches
 from tdfscal.records import Log, Series
 from tdfscal.simulation import (
     Campaign,
@@ -26,7 +31,8 @@ from tdfscal.simulation import (
     simulate_campaign,
 )
 from tdfscal.validation.residual_wrench import Validation
-from tests.cli.running import Cli
+from tdfscal.wrench.contact_wrench import Wrenches
+from tests.cli.running import SAMPLES, Cli
 from tests.words import found
 
 USED, HELD = 16, 4
@@ -173,3 +179,61 @@ def test_a_drift_that_few_postures_tell_in_part(tmp_path: Path) -> None:
     seen = tdfscal.validate(found, tmp_path / "drift")
     assert not seen.holds
     assert "change-zeros-drift" in [finding.code for finding in seen.findings]
+
+
+def test_a_log_that_contradicts_its_rig_is_refused(
+    sample: tdfscal.Calibration, tmp_path: Path
+) -> None:
+    """Lengths in mm that are declared to be in m."""
+    folder = Path(shutil.copytree(SAMPLES / "csv", tmp_path / "campaign"))
+    document = yaml.safe_load((folder / "rig.yaml").read_text())
+    document["log"]["length_unit"] = "m"
+    (folder / "rig.yaml").write_text(yaml.safe_dump(document))
+    older = tmp_path / "older.csv"
+    older.write_text("older")
+    with pytest.raises(DataError, match="in mm where m is declared"):
+        tdfscal.apply(sample, folder, output=older)
+    assert older.read_text() == "older"
+
+
+def test_a_wrench_that_is_no_number_is_refused(tmp_path: Path) -> None:
+    value = np.zeros((3, 6))
+    time, unknown = np.array([0.5, 0.75, 1.0]), np.full((3, 6), np.inf)
+    good = Wrenches(time=time, value=value, std=unknown, calibration_std=unknown, raw=value)
+    bad = replace(good, value=np.where(np.arange(3)[:, None] == 1, np.nan, value))
+    target = tmp_path / "w.csv"
+    with pytest.raises(DataError, match=r"at 0\.75 s is no number"):
+        write_wrenches(target, [good, bad], {})
+    assert not list(tmp_path.iterdir())
+    assert write_wrenches(target, [good], {}) == 3
+
+
+@pytest.fixture(scope="module")
+def applied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the same wrenches as table and as recording, of 10 s of a log."""
+    home = tmp_path_factory.mktemp("applied")
+    shutil.copytree(SAMPLES / "parquet", home / "campaign")
+    tdfscal.calibrate(home / "campaign", trials=0, output=home / "c.yaml")
+    for name in ("w.parquet", "w.mcap"):
+        tdfscal.apply(home / "c.yaml", home / "campaign", output=home / name, to="+10")
+    return home
+
+
+def frames(path: Path) -> set[str]:
+    """Names in the headers of a recording."""
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        return {decoded.header.frame_id for *_, decoded in reader.iter_decoded_messages()}
+
+
+def test_wrenches_are_in_the_frames_of_the_exports(applied: Path, tmp_path: Path) -> None:
+    tdfscal.simulate(tmp_path / "campaign", format="mcap", postures=3, rate=20.0)
+    text = tdfscal.export(applied / "c.yaml", to="ros").text
+    nodes = (node["ros__parameters"] for node in yaml.safe_load(text).values())
+    sensors = {node["frame_id"] for node in nodes if "frame_id" in node}
+    assert len(sensors) == 3
+    assert frames(tmp_path / "campaign" / "log.mcap") == {"bcs", *sensors}
+    urdf = ET.fromstring(tdfscal.export(applied / "c.yaml", to="urdf").text)
+    assert {link.get("name") for link in urdf.iter("link")} == {"bcs", *sensors}
+    (terminal,) = frames(applied / "w.mcap")
+    assert f"# Frame {terminal}," in text

@@ -117,17 +117,6 @@ SQLITE_FAULTS: dict[str, Callable[[Path], object]] = {
 }
 
 
-@pytest.mark.parametrize("fault", SQLITE_FAULTS)
-def test_damaged_sqlite_is_refused(tmp_path: Path, fault: str) -> None:
-    folder = sqlite_bag(tmp_path / "bag")
-    (path,) = folder.glob("*.db3")
-    SQLITE_FAULTS[fault](path)
-    with pytest.raises(DataError) as caught:
-        read_log([folder], MAPPING, SUPPORTS)
-    assert path.name in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
 ROS1_FAULTS: dict[str, Callable[[bytes], bytes]] = {
     "text": lambda b: b"time,x,y\n1,2,3\n",
     "version 1.2": lambda b: b.replace(b"V2.0", b"V1.2", 1),
@@ -138,13 +127,21 @@ ROS1_FAULTS: dict[str, Callable[[bytes], bytes]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("fault", ROS1_FAULTS)
-def test_damaged_ros1_is_refused(tmp_path: Path, fault: str) -> None:
-    path = ros1_bag(tmp_path / "log.bag")
-    path.write_bytes(ROS1_FAULTS[fault](path.read_bytes()))
+@pytest.mark.parametrize(
+    ("kind", "fault"),
+    [*(("sqlite", f) for f in SQLITE_FAULTS), *(("ros1", f) for f in ROS1_FAULTS)],
+)
+def test_a_damaged_recording_is_refused(tmp_path: Path, kind: str, fault: str) -> None:
+    if kind == "sqlite":
+        log = sqlite_bag(tmp_path / "bag")
+        (path,) = log.glob("*.db3")
+        SQLITE_FAULTS[fault](path)
+    else:
+        log = path = ros1_bag(tmp_path / "log.bag")
+        path.write_bytes(ROS1_FAULTS[fault](path.read_bytes()))
     with pytest.raises(DataError) as caught:
-        read_log([path], MAPPING, SUPPORTS)
-    assert "log.bag" in str(caught.value)
+        read_log([log], MAPPING, SUPPORTS)
+    assert path.name in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

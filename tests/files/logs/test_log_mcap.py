@@ -171,10 +171,7 @@ def test_wrong_messages_are_refused(tmp_path: Path, data: bytes, match: str) -> 
 
 
 def test_topics_with_dots_and_members_of_lists(tmp_path: Path) -> None:
-    channels = {
-        "/a": ("json", "x", b"{}"),
-        "/a.b": ("json", "x", b"{}"),
-    }
+    channels = {"/a": ("json", "x", b"{}"), "/a.b": ("json", "x", b"{}")}
     messages = [
         ("/a", 10, json.dumps({"list": [{"p": {"x": 1, "y": 2, "z": 3}}]}).encode()),
         ("/a.b", 20, json.dumps({"f": {"x": 4, "y": 5, "z": 6}}).encode()),
