@@ -259,7 +259,7 @@ def registration_report(r: PointRegistration, of_files: Sequence[Finding]) -> Re
     blocks = (
         Table(f"{_CONVENTION}; rotation = Rz(yaw)·Ry(pitch)·Rx(roll)",
               ("", "value", "std. unc.", f"± (95 %, k = {k:.2f})"), values),
-        Table("Rotation, by rows", ("", "", ""), rotation, left=0),
+        Table("Rotation, by rows", ("x", "y", "z"), rotation, left=0),
         Table("Residuals, mm", ("point", "x", "y", "z", "length"), residuals),
         Facts((fit, ("Scale", scale))),
     )  # fmt: skip

@@ -218,7 +218,10 @@ def _sure(v: Tested) -> str:
         f"{upright if twist <= _UNSEEN else 'it would not show a turn about the vertical.'}"
     )
     if np.isfinite(zero := v.zeros.detectable).all():
-        said += f" A zero that moved alone shows as surely from {measured(zero.max())} N on."
+        said += (
+            f" A zero that moved alone by {measured(zero.max())} N or more is remarked on as "
+            "surely; the verdict is on angles, load and gain."
+        )
     if v.blind:
         limit = measured(1e3 * v.limit)
         said += f" The angles have to hold to ± {limit} mrad: a harmful turn could go unseen."
