@@ -43,22 +43,16 @@ from tdfscal.records import FloatArray, Rig, UncertainValue
 from tdfscal.simulation import Options
 from tests.words import in_words
 
-
-def lopsided() -> Rig:
-    """Three supports whose distances all differ, the middle of the hinges off the origin."""
-    rig = simulation.make_rig()
-    hinge = np.array([[0.7, 0.1, 0.02], [-0.3, 0.5, -0.03], [-0.2, -0.6, 0.05]])
-    return replace(rig, hinge=hinge)
-
-
 ALL = np.ones((3, 3), dtype=np.bool_)
-RIG = lopsided()
+MADE = simulation.make_rig()
+#: Three supports whose distances all differ, the middle of the hinges off the origin.
+LOPSIDED = np.array([[0.7, 0.1, 0.02], [-0.3, 0.5, -0.03], [-0.2, -0.6, 0.05]])
+RIG = replace(MADE, hinge=LOPSIDED)
 RNG = np.random.default_rng(23)
 TURNS = 0.05 * RNG.normal(size=(9, 3))
 POSITION = np.asarray(
     np.einsum("kab,nb->kna", so3.exp(TURNS), RIG.hinge) + RNG.normal(size=(9, 1, 3))
 )
-MADE = simulation.make_rig()
 DWELLS = simulation.simulate_dwells(MADE, Options(), np.random.default_rng(1), 1).dwells(0)
 SEEN = postures(MADE, DWELLS)
 
@@ -238,9 +232,9 @@ def test_a_rig_whose_hinges_tell_it_turned_is_not_rejected() -> None:
 @pytest.mark.parametrize(
     ("words", "change"),
     [
-        ("the opposite sign of Fy of ncp2", lambda f: f * _at(1, [1, -1, 1])),
-        ("the opposite sign of Fz of every sensor", lambda f: f * np.array([1, 1, -1.0])),
-        ("the opposite sign of every axis of ncp3", lambda f: f * _at(2, [-1, -1, -1])),
+        ("the opposite sign of Fy of ncp2", lambda f: f * [[1, 1, 1], [1, -1, 1], [1, 1, 1]]),
+        ("the opposite sign of Fz of every sensor", lambda f: f * np.array([1, 1, -1])),
+        ("the opposite sign of every axis of ncp3", lambda f: f * np.array([[1], [1], [-1]])),
         ("Fx and Fz of every sensor exchanged", lambda f: f[..., [2, 1, 0]]),
         ("the sensors of ncp1 taken from ncp2 and ncp2 taken from ncp1", lambda f: f[:, [1, 0, 2]]),
         ("Fx of ncp1 and Fz of ncp2 exchanged", lambda f: _channels(f)),
@@ -264,12 +258,6 @@ def test_rewirings_as_they_say(words: str, change: Callable[[FloatArray], FloatA
 def _channels(force: FloatArray) -> FloatArray:
     out = force.copy()
     out[:, 0, 0], out[:, 1, 2] = force[:, 1, 2], force[:, 0, 0]
-    return out
-
-
-def _at(sensor: int, signs: list[int]) -> FloatArray:
-    out = np.ones((3, 3))
-    out[sensor] = signs
     return out
 
 

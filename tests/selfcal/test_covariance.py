@@ -17,9 +17,14 @@ from tdfscal.estimation.uncertainty import (
 )
 from tdfscal.model.parameters import EVEN_TURN, layout, nominal, prior_std, retract
 from tdfscal.numerics import so3
+from tdfscal.records import FloatArray
 from tdfscal.selfcal.estimator import Fit, fit
 
 from .test_estimator import RIG, RNG, SEEN, SIZE, earlier
+
+
+def close(found: FloatArray, expected: FloatArray) -> bool:
+    return np.allclose(found, expected, rtol=1e-6, atol=0)
 
 
 def spread(result: Fit, birge: float = 1.0) -> Uncertainty:
@@ -40,24 +45,18 @@ def test_covariance_sources_by_propagating_each() -> None:
     by_moment = sum(g @ moment @ g.T for g in gain)[:9, :9]
     R = result.state.rotation
     spreads = spread(result)
-    assert np.allclose(
-        spreads.contributions["hinge friction"], so3.rpy_variance(R, by_moment), rtol=1e-6, atol=0
-    )
+    assert close(spreads.contributions["hinge friction"], so3.rpy_variance(R, by_moment))
     by_place = sum(
         g @ B @ C @ B.T @ g.T for g, B, C in zip(gain, at.noise_turn, at.turn_cov, strict=True)
     )[:9, :9]
-    assert np.allclose(
-        spreads.contributions["positioner"], so3.rpy_variance(R, by_place), rtol=1e-6, atol=0
-    )
+    assert close(spreads.contributions["positioner"], so3.rpy_variance(R, by_place))
     rows = prior_std(RIG)[result.active]
     inside = np.zeros(SIZE, dtype=bool)
     inside[layout(3)["zero"]] = True
     zero = posterior[:9, inside[result.active]] / rows[inside[result.active]]
-    assert np.allclose(
-        spreads.contributions["zero"], so3.rpy_variance(R, zero @ zero.T), rtol=1e-6, atol=0
-    )
+    assert close(spreads.contributions["zero"], so3.rpy_variance(R, zero @ zero.T))
     assert not spreads.contributions[EARLIER].any()
-    assert np.allclose(spreads.coverage_factor, stats.norm.ppf(0.975), rtol=1e-6, atol=0)
+    assert close(spreads.coverage_factor, stats.norm.ppf(0.975))
 
 
 def test_degrees_of_freedom_of_a_scaled_noise_are_welch_satterthwaites() -> None:
@@ -70,7 +69,7 @@ def test_degrees_of_freedom_of_a_scaled_noise_are_welch_satterthwaites() -> None
         total = spreads.rpy_std**2
         noise = sum(spreads.contributions[name] for name in NOISE)
         expected = dof / (noise / total) ** 2
-        assert np.allclose(spreads.coverage_factor, stats.t.ppf(0.975, expected), rtol=1e-6, atol=0)
+        assert close(spreads.coverage_factor, stats.t.ppf(0.975, expected))
 
 
 def test_an_earlier_campaign_adds_its_degrees_and_its_share() -> None:
@@ -85,7 +84,7 @@ def test_an_earlier_campaign_adds_its_degrees_and_its_share() -> None:
     assert (spreads.contributions[EARLIER] > 0).all()
     noise = sum(spreads.contributions[name] for name in NOISE)
     expected = (own.dof + 25) / (noise / spreads.rpy_std**2) ** 2
-    assert np.allclose(spreads.coverage_factor, stats.t.ppf(0.975, expected), rtol=1e-6, atol=0)
+    assert close(spreads.coverage_factor, stats.t.ppf(0.975, expected))
     assert np.allclose(sum(spreads.contributions.values()), spreads.rpy_std**2, rtol=1e-9, atol=0)
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tdfscal import simulation
 from tdfscal.records import Rig, UncertainValue
-from tdfscal.selfcal.pipeline import SelfCalibration, self_calibrate
+from tdfscal.selfcal.pipeline import self_calibrate
 from tdfscal.simulation import Contact, Drift, Faults, Gain, Jolt, Options, Recorder
 from tdfscal.simulation.faults import Frame, Walk
 from tests.selfcal.campaigns import SQUEEZED, calibrated, distance, fitted, study
@@ -198,20 +198,7 @@ def test_a_stale_tare_is_that_of_all_sensors(seed: int) -> None:
     assert [(one.code, one.subject) for one in found[:1]] == [("zero-suspected", ())]
 
 
-POSTURES, TOUCHED = 14, (1, 4, 8, 11, 12)
-
-
-def campaign(sensors: int, seed: int, faults: Faults, noise: float = 0.0) -> SelfCalibration:
-    """14 postures; noise : N, of one channel, beside 0.1 N of all."""
-    rig = simulation.make_rig(sensors)
-    options = Options(
-        postures=POSTURES, squeeze=150.0, recorder=Recorder(mean_sd=0.1), faults=faults
-    )
-    dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(seed), 1).dwells(0)
-    force = dwells.force.copy()
-    force[:, 1, 0] += noise * np.random.default_rng(seed).standard_normal(POSTURES)
-    dwells = replace(dwells, force=force)
-    return fitted(rig, dwells)
+TOUCHED = (1, 4, 8, 11, 12)
 
 
 @pytest.mark.parametrize(("sensors", "seed", "alike"), [(3, 1, True), (4, 2, False)])
@@ -224,7 +211,9 @@ def test_sideways_contact_at_a_third_is_found(sensors: int, seed: int, alike: bo
         force = 60.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
         x, y, z = np.cross(place, force)
         contacts.append(Contact(k, (force[0], force[1], 0.0), (x, y, z)))
-    result = campaign(sensors, seed, Faults(contacts=tuple(contacts)))
+    options = Options(postures=14, squeeze=150.0, recorder=Recorder(mean_sd=0.1))
+    played = with_faults(Faults(contacts=tuple(contacts)), options)
+    (result,) = study(simulation.make_rig(sensors), played, seed, trials=1).results
     assert sorted(result.rejected) == list(TOUCHED)
     assert [reason.code for reason in result.reasons if "uncertain" not in reason.code] == [
         "postures-rejected"

@@ -9,7 +9,6 @@ import pytest
 from tdfscal import simulation
 from tdfscal.errors import DataError
 from tdfscal.records import Dwells, FloatArray, UncertainValue
-from tdfscal.selfcal.pipeline import SelfCalibration
 from tdfscal.simulation import Faults, Gain, Options, Recorder
 from tests.selfcal.campaigns import fitted
 
@@ -137,23 +136,16 @@ def test_positions_renamed_in_a_circle_are_named(step: int, *, axes: bool) -> No
 
 
 RIG = simulation.reference_rig()
-OPTIONS = Options(postures=16, squeeze=150.0, recorder=Recorder(mean_sd=0.1))
-
-
-def disturbed(seed: int, added: FloatArray) -> SelfCalibration:
-    """A campaign of 16 postures with forces (16, 3, 3) added to its readings."""
-    batch = simulation.simulate_dwells(RIG, OPTIONS, np.random.default_rng(seed), 1)
-    dwells = batch.dwells(0)
-    dwells = replace(dwells, force=dwells.force + added)
-    return fitted(RIG, dwells)
 
 
 @pytest.mark.parametrize(("seed", "support", "axis", "size"), [(5, 0, 1, 1.2), (8, 1, 0, 5.0)])
 def test_a_noisy_channel_is_named(seed: int, support: int, axis: int, size: float) -> None:
     """1.2 N, nine times the stated 0.14 N, is a thousandth of the load at most."""
-    added = np.zeros((16, 3, 3))
-    added[:, support, axis] = size * np.random.default_rng(seed).standard_normal(16)
-    result = disturbed(seed, added)
+    options = Options(postures=16, squeeze=150.0, recorder=Recorder(mean_sd=0.1))
+    dwells = simulation.simulate_dwells(RIG, options, np.random.default_rng(seed), 1).dwells(0)
+    force = dwells.force.copy()
+    force[:, support, axis] += size * np.random.default_rng(seed).standard_normal(16)
+    result = fitted(RIG, replace(dwells, force=force))
     assert result.reasons
     assert ("sensor noise", support) in [(s.kind, s.support) for s in result.suspicions]
 
