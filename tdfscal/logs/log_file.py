@@ -180,7 +180,8 @@ def missing_fields(missing: Sequence[str], present: Iterable[str], *, kind: str)
 def _nearest(name: str, names: list[str]) -> list[str]:
     """Names like it; of a list of that very name, its elements."""
     elements = [n for n in names if n.startswith(f"{name}[")]
-    return elements or difflib.get_close_matches(name, names)
+    cases = {n.lower(): n for n in names}
+    return elements or [cases[n] for n in difflib.get_close_matches(name.lower(), list(cases))]
 
 
 class LogFile(ABC):
