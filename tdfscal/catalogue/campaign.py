@@ -237,7 +237,8 @@ terminal-turned warns
 sensor-turned warns
   the sensor of {subject} is turned by {degrees:.0f}° from its nominal mounting
   -> look how {subject} sits: where it is turned, state its nominal_rpy in rig.yaml{lines:;
-    where two of its axes have the opposite sign, write ~|}
+    where two of its axes have the opposite sign, write ~|}{mirrored:; where the log is left-handed,
+    as no number tells, give Z of every position, hinge and the barycentre the opposite sign|}
 angles-locked notes
   {subject} is pitched by {degrees:.0f}°, where roll and yaw are one turn: its uncertainties are
   those of the turns about X, Y and Z of the BCS

@@ -90,8 +90,10 @@ terminal-overturned refuses
     position fields, and that log and rig.yaml belong together}{lines:: write ~|}
   @ log positions
 positions-renamed refuses
-  the forces fit with {fits}, and not with the positions as they are named
-  -> correct the position fields of the log block in rig.yaml{lines:: write ~|}
+  the forces fit with {fits}, and {hinges:as they are only with zeros as large as the weight|not
+  with the positions as they are named}
+  -> correct the position fields of the log block in rig.yaml{lines:: write ~|}{hinges:, and give
+    that coordinate of every hinge and of the barycentre the opposite sign|}
   @ log positions
 lengths-rescaled refuses
   the NCPs stand {number:.4g} times as far apart as the hinges of rig.yaml

@@ -73,9 +73,9 @@ def check_geometry(rig: Rig, position: FloatArray, force: FloatArray) -> None:
     if off <= limit and up > 0:
         check_size(rig, position)
         return
-    other = explanation(rig, position, force)
-    facts: dict[str, Value] = {"fits": None if other is None else other.words}
-    facts |= {} if other is None else other.written(rig.supports)
+    ways = explanations(rig, position, force)
+    facts: dict[str, Value] = {"fits": ", or with ".join(way.words for way in ways) or None}
+    facts |= ways[0].written(rig.supports) if ways else {}
     facts |= _farthest(rig, position)
     misplaced = [] if facts["fits"] or off <= limit else _misplaced(rig, position)
     if not (facts["fits"] or any(one.subject for one in misplaced)):
@@ -247,16 +247,27 @@ def _turn(rig: Rig, position: FloatArray) -> FloatArray:
     return np.asarray(so3.log(so3.project(R.mean(axis=0))))
 
 
-def explanation(rig: Rig, position: FloatArray, force: FloatArray | None = None) -> Wiring | None:
-    """The names by which positions fit upright with the terminal least turned; None: none do.
+def explanations(rig: Rig, position: FloatArray, force: FloatArray | None = None) -> list[Wiring]:
+    """The names by which positions fit upright with the terminal least turned.
 
-    Parameters as in `check_geometry`.
+    More than one where hinges are symmetric, so that a left-handed log looks as if supports were
+    exchanged: forces tell which. Parameters as in `check_geometry`.
     """
     from tdfscal.checks.wiring import rewired_positions
 
     limit = _gross_limit(rig, force)
     found = _fitting(rig, position, limit, rewired_positions(rig.supports), np.inf)
-    return min(found, key=lambda way: way[0])[1] if found else None
+    found = sorted(found, key=lambda way: (way[0], not way[1].mirror))
+    alike = [way for left, way in found[1:] if left == found[0][0] and way.whole]
+    return [found[0][1], *(alike if found[0][1].mirror else ())] if found else []
+
+
+def mirrors(rig: Rig, position: FloatArray) -> list[Wiring]:
+    """Left-handed logs by which positions (K, n, 3), m, fit the hinges upright."""
+    from tdfscal.checks.wiring import frames
+
+    ways = (way for way in frames(rig.n) if way.mirror)
+    return [way for _, way in _fitting(rig, position, _gross_limit(rig), ways)]
 
 
 def check_weight(rig: Rig, postures: Postures, state: State) -> None:

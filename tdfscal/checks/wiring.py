@@ -64,6 +64,13 @@ class Wiring:
         own = self.source // 3 == np.arange(len(self.source))[:, None]
         return bool(own.all() and np.all(np.linalg.det(axes) > 0))
 
+    @property
+    def mirror(self) -> bool:
+        """Whether one axis of all is of opposite sign, as in a left-handed log."""
+        own = np.arange(self.source.size).reshape(-1, 3)
+        one = np.array_equal(np.sort(self.sign[0]), [-1, 1, 1])
+        return bool(one and np.all(self.sign == self.sign[0]) and np.all(self.source == own))
+
     def then(self, other: Wiring) -> Wiring:
         """Both: the other one is of channels that are read by this one."""
         sign = other.sign * self.sign.ravel()[other.source]
@@ -131,7 +138,12 @@ def frames(n: int) -> Iterator[Wiring]:
         if np.linalg.det(np.eye(3)[list(axes)] * np.array(signs)) < 0 or not upright:
             names = [f"{'-' if s < 0 else ''}{'XYZ'[a]}" for a, s in zip(axes, signs, strict=True)]
             source = 3 * np.arange(n)[:, None] + np.array(axes)
-            yield Wiring(f"the axes read as {', '.join(names)}", source, np.tile(signs, (n, 1)))
+            way = Wiring(f"the axes read as {', '.join(names)}", source, np.tile(signs, (n, 1)))
+            if way.mirror:
+                turned = _PLACES[signs.index(-1.0)]
+                words = f"the opposite sign of {turned} of every positioner, the log left-handed"
+                way = replace(way, words=words)
+            yield way
 
 
 def rewired_positions(supports: tuple[str, ...]) -> Iterator[Wiring]:

@@ -127,10 +127,14 @@ class Judged(Generic[F]):
         back = np.swapaxes(mounted, 1, 2) @ rotation
         along = np.diagonal(back, axis1=1, axis2=2)
         found = list[Finding]()
+        # Heights of opposite sign turn all about the vertical, the barycentre's unknown.
+        upended = np.all(np.abs(along) > np.cos(_FAR_TURNED)) and np.all(along * [-1, -1, 1] > 0)
+        mirrored = bool(upended and not np.isfinite(self.rig.barycentre.std[2]))
         for i, turn in enumerate(np.linalg.norm(so3.log(back), axis=1).tolist()):
             half: dict[str, Value] = {}
             if np.all(np.abs(along[i]) > np.cos(_FAR_TURNED)) and np.any(along[i] < 0):
                 half = {"turned": [self.rig.supports[i]], "signs": np.sign(along[i]).tolist()}
+                half["mirrored"] = mirrored
             if turn > _FAR_TURNED and self.observability.determined[i]:
                 name = self.rig.supports[i]
                 found.append(Finding("sensor-turned", (name,), turn, "rad", values=half))

@@ -31,6 +31,7 @@ from tdfscal.selfcal.outliers import fit_robust
 from tdfscal.significance import BETTER, MOST_POSTURES
 
 if TYPE_CHECKING:
+    from tdfscal.checks.wiring import Wiring
     from tdfscal.selfcal.misreadings import Misreading
 
 #: Variance of the residuals, in units of the one stated, above which no mounting explains them.
@@ -150,15 +151,23 @@ def check_positions(rig: Rig, seen: Postures) -> None:
     try:
         log_against_rig.check_geometry(rig, seen.position, seen.force)
     except DataError as error:
-        other = log_against_rig.explanation(rig, seen.position, seen.force)
-        if other is None or not other.whole:
+        ways = log_against_rig.explanations(rig, seen.position, seen.force)
+        if len(ways) < 2 and not any(way.whole for way in ways):
             raise
         cov = np.broadcast_to(_NOISE**2 * np.eye(3), seen.force_cov.shape)
-        placed = other.positions(_some(replace(seen, force_cov=cov)))
-        alone, both = (best_start(rig, each).misfit for each in (placed, other.postures(placed)))
-        if not (both < BETTER and BETTER * both < alone):
+        some = _some(replace(seen, force_cov=cov))
+        fits: list[tuple[float, bool, Wiring]] = []
+        for way in ways:
+            placed = way.positions(some)
+            fits.append((best_start(rig, placed).misfit, False, way))
+            if way.whole:
+                fits.append((best_start(rig, way.postures(placed)).misfit, True, way))
+        (best, whole, way), (second, *_) = sorted(fits, key=lambda fit: fit[0])[:2]
+        if not (best < BETTER and BETTER * best < second):
             raise
-        values = {**error.finding.values, "whole": True}
+        own = {"moved", "sources", "turned", "signs"}
+        values = {key: value for key, value in error.finding.values.items() if key not in own}
+        values |= {"fits": way.words, "whole": whole, **way.written(rig.supports)}
         raise DataError(replace(error.finding, values=values)) from error
 
 
@@ -192,9 +201,37 @@ def check_forces(rig: Rig, observed: Postures, start: Fit, rests: Rests | None =
     if start.misfit > _LOST:
         check_readings(rig, observed, start, rests)
         log_against_rig.check_weight(rig, observed, nominal(rig))
+    if start.misfit > BETTER:
+        _check_places(rig, observed, start)
     if start.state.mass <= 0:
         raise _mirrored(rig, start)
     log_against_rig.check_weight(rig, observed, start.state)
+    _check_hand(rig, observed, start)
+
+
+def _check_hand(rig: Rig, observed: Postures, start: Fit) -> None:
+    """Raise where only unstated zeros hold the weight up, and not so with log and hinges mirrored.
+
+    Where the hinges are those of a left-handed log, its forces fit with all sensors turned by half
+    a turn: about a horizontal axis zeros make up for the weight that they then pull down.
+    """
+    bare = replace(start.state, zero=rig.zero.value)
+    if np.median(log_against_rig.weight_share(bare, rig.gravity, observed.force)) > 0:
+        return
+    from tdfscal.checks.wiring import frames
+
+    near = nominal(rig).rotation
+    found: list[tuple[float, Wiring]] = []
+    for way in (way for way in frames(rig.n) if way.mirror):
+        centre = replace(rig.barycentre, value=rig.barycentre.value * way.sign[0])
+        mirrored = replace(rig, hinge=rig.hinge * way.sign[0], barycentre=centre)
+        other = best_start(mirrored, way.positions(observed))
+        if other.misfit < BETTER * start.misfit:
+            found.append((float(apart(other.state.rotation, near)), way))
+    turn, likely = min(found, key=lambda each: each[0], default=(np.inf, None))
+    if likely is not None and turn < apart(start.state.rotation, near):
+        values = {"fits": likely.words, "hinges": True, **likely.written(rig.supports)}
+        raise DataError(Finding("positions-renamed", values=values))
 
 
 def _mirrored(rig: Rig, start: Fit) -> DataError:
@@ -218,14 +255,19 @@ def check_readings(rig: Rig, observed: Postures, present: Fit, rests: Rests | No
     """
     from tdfscal.selfcal.misreadings import misreading  # of forces that fit nowhere
 
-    other = log_against_rig.upright(rig, observed.position)
-    if other is not None:
+    _check_places(rig, observed, present)
+    if (found := misreading(rig, observed, present, rests)) is not None:
+        raise misread(rig, found, present, rests)
+
+
+def _check_places(rig: Rig, observed: Postures, present: Fit) -> None:
+    """Raise where the postures fit only with the positions of a left-handed log, or upright."""
+    turned = log_against_rig.upright(rig, observed.position)
+    for other in (*log_against_rig.mirrors(rig, observed.position), *filter(None, [turned])):
         placed = best_start(rig, other.positions(_some(observed))).misfit
         if placed < BETTER and BETTER * placed < present.misfit:
             values = {"fits": other.words, **other.written(rig.supports)}
             raise DataError(Finding("positions-renamed", values=values))
-    if (found := misreading(rig, observed, present, rests)) is not None:
-        raise misread(rig, found, present, rests)
 
 
 def misread(

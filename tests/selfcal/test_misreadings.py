@@ -119,6 +119,31 @@ def test_whole_supports_exchanged_are_named_at_once(n: int) -> None:
         assert ("position and force fields" in str(error.value)) == whole
 
 
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("measured", [False, True])
+def test_a_left_handed_log_is_named_though_supports_exchanged_fit_its_distances(
+    axis: int, *, measured: bool
+) -> None:
+    """Forces tell; with hinges as the log has them, by the zeros, or of heights not at all."""
+    options, sign, rig = Options(postures=14, squeeze=200.0), np.ones(3), RIGS[3]
+    dwells = simulation.simulate_dwells(rig, options, np.random.default_rng(3), 1).dwells(0)
+    sign[axis] = -1
+    mirrored = replace(dwells, position=dwells.position * sign)
+    if measured:
+        unknown = UncertainValue(np.zeros((3, 3)), np.full((3, 3), np.inf))
+        centre = UncertainValue(np.zeros(3), np.array([0.02, 0.02, np.inf]))
+        rig = replace(rig, hinge=rig.hinge * sign, barycentre=centre, zero=unknown)
+        if axis == 2:
+            found = fitted(rig, mirrored).turned_sensors()
+            assert [each.values["mirrored"] for each in found] == [True] * 3
+            return
+    with pytest.raises(DataError) as error:
+        fitted(rig, mirrored)
+    assert f"fit with the opposite sign of {'XYZ'[axis]} of every positioner" in str(error.value)
+    assert ("only with zeros" in str(error.value)) == measured
+    assert error.value.finding.values["signs"] == sign.tolist()
+
+
 @pytest.mark.parametrize("axes", [False, True])
 @pytest.mark.parametrize("step", [1, 2])
 def test_positions_renamed_in_a_circle_are_named(step: int, *, axes: bool) -> None:
