@@ -256,18 +256,18 @@ path-in-contact rejects
   -> {zeros:if nothing touched it, take the new zeros in|drive it free, or ask which: tdfscal
     validate; where the calibration still holds and zeros have moved, take the new ones in}:
     `{line}`
-path-touched rejects
-  from {begin:.2f} to {end:.2f} s of the log something touched, with {size} and {moment:N·m} about
-  the barycentre, which the thresholds take for noise
-  -> drive the path free of contact; where nothing touched, drive slower
+path-touched notes
+  from {begin:.2f} to {end:.2f} s after its beginning the log shows {size} and {moment:N·m} about
+  the barycentre that the model does not know (contact, or a motion too fast for it)
+  -> {free:drive the path free of contact; where nothing touched, drive slower|}
 path-zeros-moved rejects
   {subject}: {size} in {axis} stand on the whole path, as zeros make that have moved since the
   calibration, or a contact that stays: false stops are more than twice as many as asked for
   -> if nothing touched it, take the new zeros in: `{line}`
 moves-beyond rejects
-  {subject}: while the path moves, the wrench reaches {size} in {axis} (at {time:.4g} s) though
-  nothing touches; {limit:.3g} is the most that noise and calibration explain. The thresholds do not
-  count what motion adds, so the machine would stop itself
+  {subject}: while the path moves, the wrench reaches {size} in {axis} (at {time:.4g} s), where
+  {limit:.3g} is the most that noise and calibration explain: motion adds it, or a contact. The
+  thresholds do not count it, so the machine would stop itself
   -> {unstated:state `terminal.inertia` in rig.yaml, with `value: [[Ixx, Ixy, Ixz], [Ixy, Iyy, Iyz],
     [Ixz, Iyz, Izz]]` and `std`, kg m² about the LCS origin, or |}drive slower
 threshold-unbounded rejects

@@ -31,6 +31,7 @@ from tdfscal.model.samples_in_motion import Samples, Standstill
 from tdfscal.records import LCS_FRAME, FloatArray
 from tdfscal.reporting.layout import Drawing, Report, document, plain
 from tdfscal.reporting.wrench import wrench_report
+from tdfscal.validation.residual_wrench import ENOUGH
 from tdfscal.wrench.contact_wrench import COMPONENTS, Wrenches
 from tdfscal.wrench.filtering import WALK, Kind, filter_for, filtered
 from tdfscal.wrench.wrench_noise import LogHead, SampleNoise, StopWrenches, with_sample_noise
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
 _ROOTS = ("rms", "rms_uncalibrated", "std", "std_calibration")
 #: What says already that the wrench is none.
 _ODD = ("wrench-rewired", "wrench-large")
+#: Times its standard uncertainty, which no noise reaches.
+_FAR = 5.0
 _DRAWN = ("time", *COMPONENTS, *(f"raw_{name}" for name in COMPONENTS))
 
 
@@ -137,6 +140,9 @@ def apply(
         found = log.findings()
         if (odd := totals.stops.beyond(noises[0])) and not any(f.code in _ODD for f in found):
             found.append(odd)
+        # A motion with hardly a stop.
+        if not head.averaged and len(head.start) < ENOUGH and totals.far():
+            found += log.touched()
         variance = 0.0 if moved is None else moved(np.array([totals.end])).max()
     summary = {
         "output": None if target is None else str(target),
@@ -220,6 +226,11 @@ class Totals:
             self.rows += len(piece.time)
             self.still_rows += int(still.sum())
             yield piece
+
+    def far(self) -> bool:
+        """The largest force or torque is no noise."""
+        stated = np.sqrt(self.squares[2].reshape(2, 3).sum(axis=1) / self.rows)
+        return bool(np.any(self.largest.size > _FAR * stated))
 
     def document(self, log: LogInUse, noise: SampleNoise) -> dict[str, Any]:
         """Return the rms of each component over all rows, and at the stops where some move."""

@@ -11,10 +11,10 @@ import numpy as np
 from tdfscal.catalogue import rigs_apart
 from tdfscal.checks.calibrated_rig import Inspection, contradictions, other_papers
 from tdfscal.commands.campaign import PathLike, PathLikes, measured, no_log, resolve, stated_date
-from tdfscal.commands.log_pass import LogPass, Settings
+from tdfscal.commands.log_pass import LogPass, Settings, delay_of
 from tdfscal.commands.result import Calibration, CalibrationSource, read_source
 from tdfscal.dwells.dwell_means import Thermometer
-from tdfscal.errors import DataError, RigError, UsageError
+from tdfscal.errors import DataError, RigError, TdfscalError, UsageError
 from tdfscal.files.calibration.compared import defects
 from tdfscal.files.calibration.document import Calibration as CalibrationFile
 from tdfscal.files.calibration.parameters import calibrated
@@ -191,6 +191,22 @@ class LogInUse(LogPass):
         log, calibration = (time[:digits].replace("T", " ") for time in (when.end, begin))
         values: dict[str, Value] = {"log": log, "calibration": calibration}
         return (Finding("log-before-calibration", values=values),)
+
+    def touched(self) -> Iterator[Finding]:
+        """Name the stretches of a motion with a wrench that the model does not know, s after begin.
+
+        They are found as `validate` finds them, in a second reading of the log.
+        """
+        from tdfscal.validation.in_motion import validate_moving
+
+        with suppress(TdfscalError):  # too short a motion, as a rule, to tell of it
+            slow = LogPass(self.campaign, self.settings).moving()
+            for found in validate_moving(self.given, slow, delay_of(self.campaign.rig)).findings:
+                if found.code == "stretch-touched":
+                    span = np.array([found.values["begin"], found.values["end"]], float)
+                    begin, end = (span - slow.time[0]).tolist()
+                    values = {**found.values, "begin": begin, "end": end}
+                    yield replace(found, code="path-touched", values=values)
 
     def findings(self) -> list[Finding]:
         """What a log that has passed says of itself, what was left out, what stays unknown."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import field
+from itertools import compress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +14,7 @@ import numpy as np
 from tdfscal.commands import options
 from tdfscal.commands.calibration_in_use import LogInUse, take
 from tdfscal.commands.campaign import Campaign, listed
-from tdfscal.commands.log_pass import LogPass, Settings, delay_of
+from tdfscal.commands.log_pass import Settings
 from tdfscal.commands.options import Option, silent, triple
 from tdfscal.commands.result import Calibration, CalibrationSource, CommandResult, read_source
 from tdfscal.detection.capability import (
@@ -38,7 +38,7 @@ from tdfscal.detection.path import (
     unexplained,
 )
 from tdfscal.detection.path import Path as Places
-from tdfscal.errors import DataError, TdfscalError, UsageError
+from tdfscal.errors import DataError, UsageError
 from tdfscal.files.calibration.parameters import calibrated
 from tdfscal.files.writers.plan import read_plan
 from tdfscal.findings import Finding, Value, unfit
@@ -49,7 +49,6 @@ from tdfscal.reporting.headline import exact_names
 from tdfscal.reporting.layout import Drawing, Report, document, each_named, utc
 from tdfscal.reporting.summaries import UNITS, capability_report
 from tdfscal.reporting.traceability import Making, calibration_fact
-from tdfscal.validation.in_motion import validate_moving
 from tdfscal.wrench.contact_wrench import COMPONENTS
 from tdfscal.wrench.wrench_noise import by_sensor
 
@@ -148,7 +147,7 @@ def capability(
     found = assess(given, path.errors, path.noise, path.duration, request)
     named = shlex.join([path.log.name, *map(str, listed(paths))])
     judged = _findings(path, found, request.cutoff, f"tdfscal update {named} -o FILE")
-    findings = (*path.findings, *judged)
+    findings = _contact_first(path, [*path.findings, *judged])
     making = Making(command, tuple(path.log.inputs))
     timed = not path.places.averaged
     return CapabilityResult(own, found, request, findings, point, timed, path.log.name, making)
@@ -227,20 +226,22 @@ def _recorded(log: LogInUse, cutoff: float | None) -> FreePath:
         moved=moved,
         by_zeros=explained_by_zeros(log.given, places, points.resting(places.time), stand),
         in_motion=not averaged and not len(head.start),
-        findings=(*log.findings(), *(_touched(log) if moving else ())),
+        findings=(*log.findings(), *(log.touched() if moving else ())),
     )
 
 
-def _touched(log: LogInUse) -> Iterator[Finding]:
-    """Name what touches a motion, where its noise is measured: contact would pass for noise.
-
-    It is found as `validate` finds it, in a second reading of the log.
-    """
-    with suppress(TdfscalError):  # too short a motion, as a rule, to tell of it
-        slow = LogPass(log.campaign, log.settings).moving()
-        for found in validate_moving(log.given, slow, delay_of(log.campaign.rig)).findings:
-            if found.code == "stretch-touched":
-                yield replace(found, code="path-touched", rejects=True)
+def _contact_first(path: FreePath, found: list[Finding]) -> tuple[Finding, ...]:
+    """Blame a contact where there is one, before the motion: in it a wrench of either is large."""
+    beyond = [f for f in found if f.code == "moves-beyond"]
+    touched = [f for f in found if f.code == "path-touched"]
+    if beyond and not touched:
+        touched = list(path.log.touched())
+    spans = np.array([(f.values["begin"], f.values["end"]) for f in touched], float).reshape(-1, 2)
+    when = np.array([f.values["time"] for f in beyond], float)
+    inside = np.any((spans[:, :1] <= when) & (when <= spans[:, 1:]), axis=0)
+    told = [*touched, *compress(beyond, inside)]
+    each = (replace(f, values={**f.values, "free": True}, rejects=True) for f in touched)
+    return (*each, *(f for f in found if f not in told))
 
 
 def _planned(source: CalibrationSource, paths: list[Path], point: FloatArray) -> FreePath | None:

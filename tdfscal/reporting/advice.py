@@ -77,7 +77,8 @@ def advise(c: Calibration) -> tuple[str, ...]:
             *(f"If that does not mend it: {other}." for other in others),
             "Do not load this result into a controller; calibrate again first.",
         )
-    renewed = certificates(expired(c))
+    traced = (begun(found.cure or "", ".") for found in c.found("fields-crossed"))
+    renewed = (*traced, *certificates(expired(c)))
     if c.status == "provisional":
         confirm = "Confirm or correct each line, take out its mark, and calibrate again."
         return (*renewed, confirm, *_to_mend(c))

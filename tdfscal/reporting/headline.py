@@ -96,10 +96,14 @@ def _bounds(half: FloatArray) -> str:
 def headline(c: Calibration) -> str:
     """One number for all angles, what it counts, what it does not, and what it rests on.
 
-    Before it, sensors that stand far from where the rig file has them.
+    Before it, cables that may be exchanged, and sensors far from where the rig file has them.
     """
+    traced = (
+        f"Do not load these angles before the cables of {' and '.join(found.subject)} are traced."
+        for found in c.found("fields-crossed")
+    )
     turned = (begun(f"{found.text}: {found.cure}", ".") for found in c.found("sensor-turned"))
-    return " ".join((*turned, _of_the_angles(c)))
+    return " ".join((*traced, *turned, _of_the_angles(c)))
 
 
 def _of_the_angles(c: Calibration) -> str:
@@ -118,6 +122,8 @@ def _of_the_angles(c: Calibration) -> str:
         return " ".join(filter(None, (first, _not_counted(c), *beside)))
     sealed = ", if nobody edited this file (it does not tell)" if c.unsealed else ""
     first = f"You may load these angles{sealed}: {said}."
+    if c.found("fields-crossed"):
+        first = f"If nothing is exchanged{sealed}, {said}."
     return " ".join(filter(None, (first, _not_counted(c), *_trusted(c), *beside, _limited_by(c))))
 
 

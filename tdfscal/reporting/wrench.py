@@ -50,8 +50,9 @@ def _said(summary: dict[str, Any]) -> Iterator[str]:
     if summary["stops"] is not None:
         share = summary["stops"]["rows"] / summary["rows"]
         yield (
-            f"{share:.0%} of the samples lie at stops (hinges below 0.2 mm/s); where nothing "
-            "touches, what is larger between the stops comes from the motion."
+            f"{share:.0%} of the samples lie at stops (hinges below 0.2 mm/s); what is "
+            "larger between the stops comes from the motion or a contact: `tdfscal validate "
+            "--samples moving` tells."
         )
         if known := summary["stops"]["mean_std"]:
             sizes = (number(max(known[f"{of}{a}"] or np.inf for a in "xyz")) for of in "fm")

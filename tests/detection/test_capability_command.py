@@ -153,7 +153,7 @@ def test_zeros_that_moved_show_in_motion(
     moving = simulate_moving(make_rig(), drive, np.random.default_rng(3), truth)
     time = moving.log.force[0].time
     during = (np.abs(time - 23.0) < 3.0)[:, None]
-    for size in (0.0, 3.0, *([] if cutoff is None else [40.0])):
+    for size in (0.0, 3.0, *([] if drive == SLOW else [40.0])):
         push = [[size, 0.0, 0.0], [0.0] * 3, [0.0] * 3] if size < 40.0 else [[0, 0, size / 3]] * 3
         shifted = tuple(
             Series(s.time, s.value + (during if size == 40.0 else 1.0) * np.array(by))
@@ -168,6 +168,9 @@ def test_zeros_that_moved_show_in_motion(
             (touched,) = (told(f) for f in found.findings if f.code == "path-touched")
             assert "from 20.00 to 26.00 s" in touched
             assert found.exit_status == 1
+            assert "moves-beyond" not in {f.code for f in found.findings}
+            wrench = tdfscal.apply(places.calibration, folder)
+            assert [f.code for f in wrench.findings] == ["path-touched"]
             continue
         said = [told(f) for f in found.findings if f.code == "path-zeros-moved"]
         assert found.exit_status == len(said) == bool(size)

@@ -9,9 +9,10 @@ import pytest
 import yaml
 
 from tdfscal import apply, calibrate, capability, compare, validate
-from tdfscal.catalogue import cure
+from tdfscal.catalogue import cure, document
 from tdfscal.files.calibration.document import Calibration
 from tdfscal.files.calibration.parts import MeasuredResult
+from tdfscal.findings import Finding
 from tdfscal.numerics.distributions import coverage_factor
 from tdfscal.reporting.advice import advise
 from tdfscal.reporting.calibration import calibration_report
@@ -61,6 +62,14 @@ def test_what_is_exact_adds_up(size: tuple[float, float], apart: int, named: int
     told = re.search(r"if so, reckon with ± ([\d.]+) mrad", headline(c))
     assert told
     assert float(told[1]) == pytest.approx(1e3 * total, rel=0.05)
+
+
+def test_angles_of_perhaps_exchanged_cables_are_not_to_be_loaded() -> None:
+    found = Finding("fields-crossed", ("ncp1", "ncp3"))
+    c = changed(sample().calibration, findings=[document(found)])
+    assert headline(c).startswith("Do not load these angles before the cables of ncp1 and ncp3 are")
+    assert "You may load" not in headline(c)
+    assert advise(c)[0].startswith("Trace the cables of ncp1, ncp3")
 
 
 def test_what_is_not_stated_is_said() -> None:
