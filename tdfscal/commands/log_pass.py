@@ -31,7 +31,6 @@ from tdfscal.files.rig.reading import LoadedRig
 from tdfscal.findings import Finding, Value
 from tdfscal.frozen import record, replace
 from tdfscal.logs import TimeWindow, iter_log
-from tdfscal.logs.mapping_guess import crossed
 from tdfscal.model.dynamics import DELAY, RATE, Moving
 from tdfscal.motioncal.streams import Decimator, Slow
 from tdfscal.records import Dwells, FloatArray, InputFile, Log, RecorderClock, Rig, UncertainValue
@@ -256,7 +255,7 @@ def where_few(
 
 def drafted(rigs: Iterable[LoadedRig]) -> list[Finding]:
     """Find what rig files still mark to be confirmed, each line once, and whose names cross."""
-    each = [(rig.unconfirmed, crossed(rig.rig.supports, rig.log)) for rig in rigs]
+    each = [(rig.unconfirmed, rig.crossed) for rig in rigs]
     lines, across = (tuple(dict.fromkeys(chain(*found))) for found in zip(*each, strict=True))
     found = [Finding("draft-unconfirmed", lines, len(lines))] if lines else []
     return [*found, Finding("fields-crossed", across)] if across else found

@@ -172,25 +172,6 @@ def _by_hand(files: Collection[Contents]) -> str:
     )
 
 
-def crossed(supports: Sequence[str], log: Sequence[LogBlock]) -> tuple[str, ...]:
-    """Supports whose forces are those of others by the numbers in the names of their fields."""
-    numbers: dict[str, list[tuple[str, ...]]] = {"position": [], "force": []}
-    for what, found in numbers.items():
-        for name in supports:
-            each = [getattr(block.support_fields(name), what) for block in log]
-            found.append(_common_numbers([field for fields in each for field in fields or ()]))
-    places, forces = numbers.values()
-    if not all(places) or len(set(places)) < len(places) or set(places) != set(forces):
-        return ()
-    return tuple(n for n, p, f in zip(supports, places, forces, strict=True) if p != f)
-
-
-def _common_numbers(fields: Sequence[str]) -> tuple[str, ...]:
-    """Numbers that all these names have."""
-    first, *others = [[w for w in words(field) if w.isdigit()] for field in fields] or [[]]
-    return tuple(number for number in first if all(number in other for other in others))
-
-
 def _clock(
     used: Collection[str], contents: Contents, *, alone: bool
 ) -> tuple[dict[str, Any] | None, str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -66,6 +66,20 @@ class LoadedRig:
         return any(recorder.rows == "postures" for recorder in self.log)
 
     @property
+    def crossed(self) -> tuple[str, ...]:
+        """Supports whose forces are those of others by the numbers in the names of their fields."""
+        numbers: dict[str, list[tuple[str, ...]]] = {"position": [], "force": []}
+        for what, found in numbers.items():
+            for name in self.rig.supports:
+                each = [getattr(block.support_fields(name), what) for block in self.log]
+                found.append(_common_numbers([field for fields in each for field in fields or ()]))
+        places, forces = numbers.values()
+        if not all(places) or len(set(places)) < len(places) or set(places) != set(forces):
+            return ()
+        pairs = zip(self.rig.supports, places, forces, strict=True)
+        return tuple(name for name, place, force in pairs if place != force)
+
+    @property
     def surveys(self) -> tuple[Path, ...]:
         """The tracker's point files, as `TrackerBlock.files` has them; none without a survey."""
         names = self.tracker.files if self.tracker else ()
@@ -122,6 +136,12 @@ class LoadedRig:
 def _plain(number: float) -> str:
     """To 14 digits, without an exponent."""
     return np.format_float_positional(number, 14, unique=True, fractional=False, trim="-")
+
+
+def _common_numbers(fields: Sequence[str]) -> tuple[str, ...]:
+    """Numbers that all these names have."""
+    first, *others = [re.findall(r"\d+", field) for field in fields] or [[]]
+    return tuple(number for number in first if all(number in other for other in others))
 
 
 def _threes(found: Finding, names: str, numbers: str) -> list[tuple[Any, ...]]:
