@@ -159,7 +159,8 @@ class FreePath:
 
     noise : of the wrench behind the filter. duration : s. sampled : at known times. age : of the
     zeros. largest : of the filtered wrench; of a log of stops, at rest, and moved : between them.
-    by_zeros : what zeros that have moved explain. in_motion : the log has no stops.
+    by_zeros : what zeros that have moved explain. in_motion : the log has no stops. touched : of a
+    log without stops that serve, what is contact in it; None where that was not asked.
     """
 
     log: LogInUse
@@ -174,6 +175,7 @@ class FreePath:
     by_zeros: ByZeros | None = None
     in_motion: bool = False
     findings: tuple[Finding, ...] = ()
+    touched: tuple[Finding, ...] | None = None
 
 
 def _recorded(log: LogInUse, cutoff: float | None) -> FreePath:
@@ -226,20 +228,21 @@ def _recorded(log: LogInUse, cutoff: float | None) -> FreePath:
         moved=moved,
         by_zeros=explained_by_zeros(log.given, places, points.resting(places.time), stand),
         in_motion=not averaged and not len(head.start),
-        findings=(*log.findings(), *(log.touched() if moving else ())),
+        findings=tuple(log.findings()),
+        touched=tuple(log.touched()) if moving else None,
     )
 
 
 def _contact_first(path: FreePath, found: list[Finding]) -> tuple[Finding, ...]:
     """Blame a contact where there is one, before the motion: in it a wrench of either is large."""
     beyond = [f for f in found if f.code == "moves-beyond"]
-    touched = [f for f in found if f.code == "path-touched"]
-    if beyond and not touched:
-        touched = list(path.log.touched())
+    touched = path.touched
+    if touched is None:
+        touched = tuple(path.log.touched()) if beyond else ()
     spans = np.array([(f.values["begin"], f.values["end"]) for f in touched], float).reshape(-1, 2)
     when = np.array([f.values["time"] for f in beyond], float)
     inside = np.any((spans[:, :1] <= when) & (when <= spans[:, 1:]), axis=0)
-    told = [*touched, *compress(beyond, inside)]
+    told = list(compress(beyond, inside))
     each = (replace(f, values={**f.values, "free": True}, rejects=True) for f in touched)
     return (*each, *(f for f in found if f not in told))
 

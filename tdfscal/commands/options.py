@@ -116,9 +116,8 @@ class Described(Option):
         if self.words and value is not None and value not in self.words:
             raise UsageError(f"{value!r} is none of {', '.join(self.words)}", where=where)
         kinds = [get_origin(kind) or kind for kind in get_args(self.python) or (self.python,)]
-        if self.kind is None or (
-            value is None and NoneType in kinds
-        ):  # only Python has it, or none
+        # Only Python has it, or it is left out.
+        if self.kind is None or (value is None and NoneType in kinds):
             return
         number = bool({int, float}.intersection(kinds)) and str not in kinds
         # Paths and moments say themselves what they take.

@@ -8,6 +8,7 @@ import numpy as np
 
 from tdfscal.catalogue.numbers import when
 from tdfscal.errors import DataError
+from tdfscal.files.rig.recorders import UNITS
 from tdfscal.findings import Finding, Value
 from tdfscal.records import BoolArray, FloatArray, Rows, by_wall_clock
 
@@ -70,10 +71,10 @@ class Clock:
             was, now = time[k - 1] if k else self._last, time[k]
             hint = "correct or leave out this stamp; give the logs of another month as a campaign "
             hint += "of their own"
-            for unit, ticks in (("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
-                if by_wall_clock(was / ticks, now / ticks):
+            for unit, second in UNITS["time"].items():
+                if unit != "s" and by_wall_clock(was * second, now * second):
                     hint = f"in the log block of rig.yaml state `time.unit: {unit}` where it says "
-                    hint += f"s: the times are then of {when(now / ticks)}"
+                    hint += f"s: the times are then of {when(now * second)}"
             raise DataError(
                 f"the time of {self.name} goes from {when(was)} to {when(now)}, more than a month",
                 hint=hint,

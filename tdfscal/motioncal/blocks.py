@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tdfscal.errors import NotIdentifiableError
-from tdfscal.findings import Finding, Value
+from tdfscal.findings import Finding
 from tdfscal.frozen import record, replace
 from tdfscal.model.parameters import State
 from tdfscal.model.samples_in_motion import derivatives
@@ -67,8 +67,8 @@ class Stretch:
     @property
     def finding(self) -> Finding:
         """That it is left out."""
-        values: dict[str, Value] = {"begin": self.begin, "end": self.end}
-        return replace(self.reason, values={**self.reason.values, **values})
+        values = {**self.reason.values, "begin": self.begin, "end": self.end}
+        return replace(self.reason, values=values)
 
 
 @record
@@ -207,8 +207,7 @@ def _resting(slow: Slow, block: Block) -> list[slice]:
         return []
     way = np.abs(place[lag:] - place[:-lag]).max(axis=1)
     still = [slice(run.start, run.stop + lag) for run in runs(way < _SLOW * lag * slow.step)]
-    least = max(2, round(_REST / slow.step))
-    return [run for run in still if run.stop - run.start >= least]
+    return [run for run in still if run.stop - run.start >= max(2, round(_REST / slow.step))]
 
 
 def nearness(slow: Slow, block: Block, resting: Sequence[slice]) -> FloatArray:
@@ -261,6 +260,14 @@ class Across:
             some = columns.any(axis=0)
             out[:, some] = self.block.transform(columns[:, some])
         return out
+
+    def shaped(self, shape: FloatArray, wrench: FloatArray) -> ComplexArray:
+        """Coefficients (F, 6, R, a) of constant wrenches (R, 6, a), each times a shape (N, R)."""
+        columns = np.moveaxis(wrench, 0, 1)
+        if self.course is None:
+            return np.asarray(self.block.transform(shape)[:, None, :, None] * columns)
+        each = (shape[:, None, :, None] * columns).reshape(len(shape), 6, -1)
+        return self.transform(each).reshape(len(self.block.frequency), *columns.shape)
 
     def derivative(self, rows: slice, signal: FloatArray, order: int) -> ComplexArray:
         """Coefficients (F, 6, c) of T times a derivative of signals (N, 3, c) in three rows of e.

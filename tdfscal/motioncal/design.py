@@ -48,8 +48,8 @@ class BlockDesign:
     of 1 m make them.
     lever : (n, 6, 3, 6, 3), mean of B_i ⊗ B_i, B_i the wrench of a unit force.
     arm, force : (N, n, 3), m and N, BCS, of every instant. across : what unmeasured forces leave.
-    rests : (F, 6, 3 R), wrench of the turns at the block's rests, in their priors' standard
-    uncertainties; place : these among the turns at all rests of the log.
+    rests : (F, 6, u R), wrench of the u unknowns of each of the block's rests, in their priors'
+    standard uncertainties; place : these among the unknowns of all rests of the log.
     """
 
     block: Block
@@ -137,7 +137,7 @@ def block_design(
 ) -> tuple[BlockDesign, Balance]:
     """Linearise one block at a state.
 
-    resting : rows of the block at which the terminal rests; place : of their turns.
+    resting : rows of the block at which the terminal rests; place : of their unknowns.
     Returns its design, and the static balance of one instant, which holds what the features
     count from.
     """
@@ -174,13 +174,13 @@ def block_design(
         block=block,
         design=np.concatenate(columns, axis=2),
         mix=mix,
-        bins=_bins(block, ratio),
+        bins=Bins.of(block, ratio),
         lever=np.einsum("k,knra,knsb->nrasb", weight, B, B, optimize=True),
         turned=turned,
         arm=at.arm,
         force=F,
         across=seen,
-        rests=seen.transform(_at_rests(rig, at, near, resting)),
+        rests=_at_rests(rig, seen, at, near, resting),
         place=place,
     )
     return result, statics.balance(at.seen.subset(slice(0, 1)), state, at.centre, rig.gravity)
@@ -198,35 +198,30 @@ def _independent(
     return axes.T @ inverse @ seen, np.maximum(ratio, 0.0)
 
 
-def _bins(block: Block, ratio: FloatArray) -> Bins:
-    f = block.frequency.copy()
-    f[0] = 0.5 * f[1]  # what the mean sees
-    both, r = np.concatenate([f, f[1:]]), len(ratio)
-    size = r * len(both)
-    return Bins(np.repeat(both, r), np.tile(ratio, len(both)), np.full(size, block.share))
-
-
 def unknowns_at_rest(rig: Rig) -> int:
     """Unknowns of every rest: a turn of its pose, and a wrench where force noise is declared."""
     return 9 if rig.declared.force_noise else 3
 
 
-def _at_rests(rig: Rig, at: Balance, near: FloatArray, resting: Sequence[slice]) -> FloatArray:
-    """Wrench (N, 6, u R) of the u unknowns of every rest, in their priors' standard uncertainties.
+def _at_rests(
+    rig: Rig, seen: Across, at: Balance, near: FloatArray, resting: Sequence[slice]
+) -> ComplexArray:
+    """Coefficients (F, 6, u R) of the u unknowns of every rest, in their priors' uncertainties.
 
     at : the balance of the block's instants, with positions and forces of unit covariance.
+    near : (N, R), how much of what is a rest's own each instant has.
     """
-    std, count = max(rig.declared.positioner, UNSTATED), unknowns_at_rest(rig)
-    out = np.zeros((len(near), 6, len(resting), count))
-    middle = [(run.start + run.stop) // 2 for run in resting]
+    std, middle = max(rig.declared.positioner, UNSTATED), [(r.start + r.stop) // 2 for r in resting]
     turns = np.linalg.cholesky(at.turn_cov[middle])
-    # A turn of the pose makes no force.
-    out[:, 3:, :, :3] = np.einsum("kab,rbc->karc", std * at.noise_turn[:, 3:], turns)
-    if count > 3:
+    turned = np.zeros((len(near), 6, len(resting), 3))  # of the pose, which makes no force
+    turned[:, 3:] = np.einsum("kab,rbc,kr->karc", std * at.noise_turn[:, 3:], turns, near)
+    whole = seen.transform(turned.reshape(len(near), 6, -1))
+    found = [whole.reshape(len(whole), *turned.shape[1:])]
+    if unknowns_at_rest(rig) > 3:
         own = np.where(rig.axes[:, None], at.noise_force[middle], 0.0)
         root = covariance_root(np.einsum("rnab,rncb->rac", own, own))
-        out[..., 3:] = rig.declared.force_noise * np.moveaxis(root, 0, 1)
-    return (out * near[:, None, :, None]).reshape(len(near), 6, -1)
+        found.append(seen.shaped(near, rig.declared.force_noise * root))
+    return np.concatenate(found, axis=3).reshape(len(whole), 6, -1)
 
 
 def instants(rig: Rig, slow: Slow, position: FloatArray, rows: slice) -> Postures:

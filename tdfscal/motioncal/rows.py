@@ -22,6 +22,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from tdfscal.frozen import record, replace
+from tdfscal.motioncal.blocks import Block
 from tdfscal.numerics.least_squares import gram_root, triangular
 from tdfscal.records import BoolArray, FloatArray, IntArray
 
@@ -52,6 +53,15 @@ class Bins:
     frequency: FloatArray
     ratio: FloatArray
     count: FloatArray
+
+    @classmethod
+    def of(cls, block: Block, ratio: FloatArray) -> Bins:
+        """Real and imaginary parts of a block's coefficients, of r components; ratio : (r,)."""
+        f = block.frequency.copy()
+        f[0] = 0.5 * f[1]  # what the mean sees
+        both, r = np.concatenate([f, f[1:]]), len(ratio)
+        each = np.repeat(both, r), np.tile(ratio, len(both))
+        return cls(*each, np.full(r * len(both), block.share))
 
     def some(self, which: BoolArray | IntArray) -> Bins:
         """Some of the rows."""

@@ -201,7 +201,7 @@ def check_forces(rig: Rig, observed: Postures, start: Fit, rests: Rests | None =
     if start.misfit > _LOST:
         check_readings(rig, observed, start, rests)
         log_against_rig.check_weight(rig, observed, nominal(rig))
-    if start.misfit > BETTER:
+    elif start.misfit > BETTER:
         _check_places(rig, observed, start)
     if start.state.mass <= 0:
         raise _mirrored(rig, start)
